@@ -447,19 +447,19 @@ def critical_junction(
 
     Seen with the resolution of a wave number q, that is, with longer waves only, the surface has the apparent contact
     fraction A(q), which decreases with q. At the wave number at which A falls below the value at which no open path
-    exists, a first path opens. Its narrowest point is the critical junction. In the parts that are in apparent contact
-    at this wave number, the shorter waves q′ leave the mean gap
+    exists, a first path opens. Its narrowest point is the critical junction. In the parts of the surface that are in
+    apparent contact at this wave number, the shorter waves q′ keep the faces apart. The mean gap in these parts is
 
     u = √π ∫ q′²C w G(w p̄/AE*) dq′,
 
     where 1/w² is half of the mean square slope of the waves between q and q′, C is the spectral density
     (⟨z²⟩ = 2π ∫ q′C dq′), and G(y) = ∫ (γ + 3(1 − γ) erf²x) e^(−x²) dx/x from y to ∞ with γ = 0.45.
 
-    The gap of the junction is taken as 2u, but not more than the mean gap. With this factor, parallel plates at the
-    distance of the junction leak as much as the surface, in the median of 100 surfaces. The theory itself would give
-    d(Au)/dA, which is 2 to 3 u, but is not bounded for solids that yield. A solid that yields is replaced by a softer
-    elastic solid with the same contact fraction. Sources: Persson & Yang, J. Phys. Condens. Matter 20, 2008, 315011;
-    Yang & Persson, ibid., 215214.
+    The gap of the junction is taken as 2u, but not more than the mean gap. The factor 2 is the median of 100 surfaces:
+    with it, parallel plates with the gap of the junction leak as much as the surface. The theory itself would give the
+    gap d(Au)/dA. For elastic solids this is 2u to 3u, but for solids that yield it may become arbitrarily large. A
+    solid that yields is replaced by a softer elastic solid with the same contact fraction. Sources: Persson & Yang, J.
+    Phys. Condens. Matter 20, 2008, 315011; Yang & Persson, ibid., 215214.
 
     Parameters
     ----------
@@ -470,7 +470,7 @@ def critical_junction(
     waves : array_like, (waves,)
         Wave numbers q in rising order [rad/m].
     powers : array_like, (waves,)
-        Mean square height of the waves around each wave number [m²], > 0.
+        Contribution of each wave number to the mean square height [m²], > 0.
     hardness : float
         Hardness H [Pa].
     closing : float
@@ -499,7 +499,7 @@ def _gap_of_touching_parts(
     pressure : mean pressure p̄ [Pa].
     modulus : contact modulus E* [Pa].
     q : wave numbers (waves,) [rad/m].
-    power : mean square height of the waves around each wave number (waves,) [m²].
+    power : contribution of each wave number to the mean square height (waves,) [m²].
     square_slope : mean square slope of the waves up to each wave number (waves + 1,).
     area : contact fraction with the waves up to each wave number (waves + 1,).
     """

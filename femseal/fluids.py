@@ -5,9 +5,9 @@ potential φ with dφ = (ρ/η) dp [kg/(m³ s)]. The mass flow rate is then the 
 inlet and outlet. The permeability of a gap follows from the `law` of the fluid; without this property it is that of the
 cubic law (see `femseal.flow.law`).
 
-To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. This is sufficient for
-fluids that are created in Python. If the class is added to `FLUIDS`, a case file can choose it by its `kind`, and each
-of its parameters is a key of the case.
+To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. No more is needed to use
+the fluid from Python. If the class is added to `FLUIDS`, a case file can choose it by its `kind`, and each of its
+parameters is a key of the case.
 """
 
 from __future__ import annotations
@@ -378,7 +378,8 @@ def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
     ------
     InputError
         The pressure is not a finite number, or the model of the fluid is not valid at this pressure. The pressure of a
-        gas must not be negative, and that of a liquid must not be so high that its viscosity would be that of a solid.
+        gas must not be negative. The pressure of a liquid must not be so high that its viscosity would be that of a
+        solid.
     """
     p = validate.number(name, pressure, unit="Pa", above=-inf)
     if hasattr(fluid, "check_pressure"):

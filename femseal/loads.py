@@ -89,8 +89,8 @@ class LoadProgramme(tuple[LoadStep, ...]):
             Pressures of the unloading [Pa]. The unloading from a peak consists of the pressures in this list that are
             below the peak, in falling order.
         unit : str
-            Unit of the numbers for messages, one of `LOAD_UNITS`. Forces can be checked in this way before they are
-            converted to pressures.
+            Unit of the numbers in error messages, one of `LOAD_UNITS`. With another unit than Pa, forces can be checked
+            before they are converted to pressures.
 
         Raises
         ------
@@ -147,7 +147,7 @@ class LoadProgramme(tuple[LoadStep, ...]):
 
     @property
     def peak_indices(self) -> Indices:
-        """For each step of an unloading, the index of the step at its peak, (steps,).
+        """Index of the loading step at the peak from which each step is unloaded, (steps,).
 
         For a step of the loading, it is the index of the step itself.
         """
@@ -266,9 +266,10 @@ def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
 
 
 def neighbouring_steps(steps: LoadProgramme) -> list[tuple[int, int]]:
-    """Return pairs of indices: a step, and the previous step on its branch.
+    """Return pairs of indices: that of a step, and that of the previous step on the same branch.
 
-    Before the first step of an unloading comes its peak. The first step of the loading has no previous step.
+    The peak counts as the step before the first step of an unloading. The first step of the loading has no previous
+    step.
     """
     pairs = []
     for branch in steps.branches:
@@ -288,9 +289,10 @@ def first_known(leakage: Array) -> int:
 
 
 def least_counted(leakage: Array) -> float:
-    """Return the smallest leakage that is large enough for comparisons.
+    """Return the leakage below which values are too small for comparisons.
 
-    It is `FLOOR` times the leakage at the first step at which it is known, NaN if it is unknown everywhere.
+    It is `FLOOR` times the leakage at the first step at which the leakage is known. If it is unknown at all steps, NaN
+    is returned.
 
     leakage : leakage at each load step (steps,), in any unit.
     """

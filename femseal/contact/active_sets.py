@@ -13,8 +13,9 @@ Each iteration consists of three parts:
 3. The contact is evaluated: δ, y and the residual ‖p − y‖/‖y‖ · c₀/c are computed.
 
 This is an inexact semismooth Newton method, for which convergence is not proved. If the energy increases repeatedly, or
-after 60 iterations, the method in `descent` is used instead. The returned residual is computed, not assumed.
-Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
+after 60 iterations, the method in `descent` is used instead. Before convergence is accepted, v is computed again by a
+product with K, so that the residual is that of the returned pressure. Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991,
+93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
 from math import inf, sqrt
@@ -27,9 +28,10 @@ from .workspace import Loops, Problem, Workspace
 class StepLimits(NamedTuple):
     """Limits for the steps of conjugate gradients in one iteration.
 
-    after_change : largest number of steps if the sets have changed.
-    without_change : largest number of steps if they have not changed.
-    drop : fraction of the initial squared energy norm of the residual at which the steps end.
+    after_change : largest number of steps in an iteration in which the active sets have changed.
+    without_change : largest number of steps in an iteration in which the active sets have remained the same.
+    drop : the steps end when w·r, the squared energy norm of the residual, falls below this fraction of its first
+        value.
     """
 
     after_change: int
@@ -62,7 +64,7 @@ _LOAD_RTOL = 1e-10
 
 
 class Lists(NamedTuple):
-    """Lengths of the lists of points, and the threshold with which they were made.
+    """Numbers of listed points, and the threshold with which the lists were made.
 
     near : number of points near contact. A point is near contact if it is in contact or if v is below `reach`.
     free : number of free points, whose pressure is unknown.
@@ -92,9 +94,9 @@ class Evaluation(NamedTuple):
 class Directions(NamedTuple):
     """State of the conjugate gradients on one set of free points.
 
-    total_ones : sum Σ M1 of the preconditioner M, applied to a vector of ones.
+    total_ones : sum Σ M1, where M is the preconditioner and 1 a vector of ones.
     previous_wr : product w·r of the previous direction; infinite if there is none.
-    unused_wr : product w·r of a direction that has been computed but not used for a step yet; None if there is none.
+    unused_wr : product w·r of the next direction, if it has already been computed; otherwise None.
     """
 
     total_ones: float
@@ -105,7 +107,7 @@ class Directions(NamedTuple):
 class Gradients(NamedTuple):
     """Result of several steps of conjugate gradients.
 
-    directions : state after the last step.
+    directions : state of the conjugate gradients after the last step.
     steps : number of steps.
     longest_step : largest length c of the next projection step [Pa/m], from the Rayleigh quotients of the directions.
     """
@@ -193,7 +195,7 @@ def _is_solved(
     is_fresh: bool,
     iterations: int,
 ) -> bool:
-    """Return whether the target residual is reached with an accurate v, by a pressure that carries the load."""
+    """Return whether the pressure is a solution: a small residual, computed with an accurate v, and the right load."""
     if not (state.residual <= rtol and is_fresh):
         return False
     if iterations > 0:
@@ -204,7 +206,7 @@ def _is_solved(
 class Product(NamedTuple):
     """Result of a product with K.
 
-    lists : lengths of the lists of points.
+    lists : numbers of listed points, and the threshold.
     energy : energy of the pressure.
     load : sum Σ p of the pressure [Pa].
     total_v : sum Σ v over the points near contact [m].
@@ -225,7 +227,7 @@ def _multiply(grid: Workspace, loops: Loops, reach: float, margin: float) -> Pro
 
 
 def _list_near(grid: Workspace, loops: Loops, reach: float, margin: float) -> Lists:
-    """List the points near contact again for the same v, with another threshold `reach` [m]."""
+    """Make the list of points near contact again with another threshold `reach` [m]; v is not changed."""
     n_rows = len(grid.arrays.v)
     near, free, *_sums = loops.list_near(1.0, 0.0, reach, 0, n_rows)
     return Lists(near, free, reach, margin)
@@ -246,9 +248,10 @@ def _evaluate(
 ) -> tuple[Lists, Evaluation]:
     """Compute δ and the residual for the step length c [Pa/m], and decide whether the sets should be changed.
 
-    Only listed points are considered; v of all others was above `reach` when the list was made. If δ exceeds `reach`, a
-    new list is made. This requires v at all points, but steps of conjugate gradients only update v at listed points.
-    After such steps (without `is_fresh`), the new list has to wait for the next product with p.
+    Only listed points are considered, because v of all other points was above `reach` when the list was made. If δ
+    exceeds `reach`, a new list is made, provided that v is accurate at all points (`is_fresh`). Steps of conjugate
+    gradients only update v at listed points. After such steps, no new list is made until the next product of K with the
+    pressure.
     """
     delta = previous.delta
     while True:
@@ -273,11 +276,11 @@ def _evaluate(
 def _change_sets(
     grid: Workspace, loops: Loops, lists: Lists, c: float, delta: float, keep: bool
 ) -> tuple[Lists, float]:
-    """Replace p by its projection on the law and the load, which determines the free points, and compute v.
+    """Set p to its projection y, which changes the active sets, and compute v from the new p.
 
-    keep : whether points that remain free keep their pressure.
+    keep : whether points that remain free keep their present pressure.
 
-    Returns the lists of points, and the energy.
+    Returns the new lists of points, and the energy of the new pressure.
     """
     loops.project(lists.near, lists.free, c, delta, keep)
     product = _multiply(grid, loops, delta + lists.margin, lists.margin)
@@ -293,7 +296,7 @@ def _conjugate_gradients(
 ) -> Gradients:
     """Perform a few steps of conjugate gradients on the free points.
 
-    directions : state after previous steps on the same free points; None if the sets have changed since.
+    directions : state of the conjugate gradients after previous steps; None if the free points have changed since then.
     """
     is_long = max(grid.half_space.shape) >= _LONG
     limits = _LONG_STEPS if is_long else _STEPS

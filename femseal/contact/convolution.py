@@ -11,10 +11,11 @@ A mirror axis only needs the transform of its N points in the order 0, 2, 4 … 
 N − k are sums of the waves k and N − k, so that K mixes these two waves (Makhoul, IEEE Trans. Acoust. Speech Signal
 Process. 28, 1980, 27). A free axis is padded with zeros; rows of zeros are not transformed.
 
-Large grids do not fit in any cache. Their waves use the memory of the displacement, whose rows are longer than those of
-the points. If their first axis is free, it is never padded as a whole: with m points, which is half the padded length,
-the even waves are the transform of the points, and the odd waves that of the points times exp(−iπk/m). Columns of large
-grids are copied to a block, whereas columns of small grids are transformed from strided memory.
+Large grids do not fit in any cache. Their waves and their displacement therefore share one array, whose rows are longer
+than those of the grid. A free first axis of a large grid is not padded to its full length 2m. Instead, each column has
+two transforms of length m: the transform of the points gives the waves with even numbers, and the transform of the
+points times exp(−iπj/m), where j is the number of the point, gives the waves with odd numbers. Columns of large grids
+are copied to a contiguous block before the transform; columns of small grids are transformed where they are.
 
 FFTW plans are made with FFTW_ESTIMATE and without wisdom. FFTW then chooses plans by fixed rules instead of measured
 times, so that all processes have the same plans and give identical results. Compared with plans from measured times,
@@ -98,7 +99,7 @@ class Axis(NamedTuple):
 
 
 class Convolution:
-    """Computation of the displacement K p from the pressure p, both in arrays of this object, on several threads.
+    """Compute the displacement K p from the pressure p on several threads; both are arrays of this object.
 
     Parameters
     ----------
@@ -107,21 +108,21 @@ class Convolution:
     boundary : pair of str
         Kind of each axis: "periodic", "mirror" or "free".
     symbol : array or None
-        Eigenvalues of K [m/Pa], see `HalfSpace.symbol`; None with `over`.
+        Eigenvalues of K [m/Pa], see `HalfSpace.symbol`; None if `over` is given.
     dtype : dtype
         Type of the arrays and the transforms: double or single precision.
     threads : int
         Number of threads.
     over : Convolution, optional
-        A product with the same K and at least the same precision, whose memory is used for everything but `pressure`.
-        Each `apply` of one of the two then overwrites the displacement of the other.
+        Another convolution with the same K and at least the same precision. Both then share all memory except
+        `pressure`, so that a call of `apply` overwrites the displacement of the other convolution.
 
     Attributes
     ----------
     pressure : array (n1, n2)
         Pressure [Pa].
     rows : array (n1, >= n2)
-        Memory whose rows begin with those of the displacement.
+        Displacement, followed by unused values in each row.
     displacement : array (n1, n2)
         Displacement [m], a view of `rows`.
     """
@@ -197,7 +198,7 @@ class Convolution:
 
 
 class Rows:
-    """Transforms of the rows if the second axis is periodic, so that the points need not be reordered or padded.
+    """Transforms of the rows of a periodic second axis, whose points need not be reordered or padded.
 
     waves : waves of all rows of the grid, followed by the waves of rows of zeros if the first axis is padded.
     """
@@ -209,7 +210,7 @@ class Rows:
         self.length = axis2.length
 
     def calls(self, planned: Planned) -> tuple[list[list[Call]], list[list[Call]]]:
-        """Return the calls for the transforms and for the inverse transforms, each with one list for each part."""
+        """Return the calls of the transforms and those of the inverse transforms, in lists for parts of the rows."""
         forward_parts, backward_parts = [], []
         n1 = len(self.target)
         rows_of_part = max(ROW_POINTS / self.length, n1 / ROW_PARTS)
@@ -222,19 +223,20 @@ class Rows:
         return forward_parts, backward_parts
 
     def before(self, first: int, end: int) -> list[Call]:
-        """List the calls that prepare the rows `first` to `end` − 1 for their transform."""
+        """Return the calls that prepare the rows `first` to `end` − 1 for their transform."""
         return []
 
     def after(self, first: int, end: int) -> list[Call]:
-        """List the calls that follow the inverse transform of the rows `first` to `end` − 1."""
+        """Return the calls that follow the inverse transform of the rows `first` to `end` − 1."""
         return []
 
 
 class ReorderedRows(Rows):
     """Transforms of rows whose points are first reordered (mirror axis) or padded with zeros (free axis).
 
-    order1 : order in which the rows are copied. On small grids it is the order of the transform along the first axis.
-    is_mirror : whether points are reordered along any of the two axes.
+    order1 : order in which the rows are copied. On small grids this is the order that the transform of the first axis
+        needs; on large grids it is the order of the grid.
+    is_mirror : whether points are reordered along either axis.
     """
 
     def __init__(
@@ -255,18 +257,18 @@ class ReorderedRows(Rows):
         self.orders = order1, axis2.order
 
     def before(self, first: int, end: int) -> list[Call]:
-        """List the call that copies the points in the order of the transform, followed by zeros."""
+        """Return the call that copies the points into the order of the transform and appends zeros, as a list."""
         return [partial(copy_in_order, self.pressure, self.target, *self.orders, first, end)]
 
     def after(self, first: int, end: int) -> list[Call]:
-        """List the call that copies the displacement back to the order of the points, if the order was changed."""
+        """Return the call that restores the order of the grid, as a list; empty if the order was not changed."""
         if self.displacement is None:
             return []
         return [partial(copy_back, self.target, self.displacement, *self.orders, first, end)]
 
 
 class StridedColumns:
-    """Transforms of the columns of small grids, from strided memory to a block in the cache and back.
+    """Transforms of the columns of small grids, from the array of all waves to a block in the cache and back.
 
     waves : array (>= n1, waves), transforms of the rows.
     weights : see `mixing_weights`.
@@ -293,7 +295,7 @@ class StridedColumns:
 
     @property
     def row_length(self) -> int:
-        """Length of a column in the memory of a block, in waves."""
+        """Number of waves from one column to the next in the memory of a block."""
         return self.length
 
     def calls(self, planned: Planned, threads: int) -> list[list[Call]]:
@@ -323,18 +325,18 @@ class StridedColumns:
     def calls_of_block(
         self, planned: Planned, columns: Any, block: Any, copy: Any, first: int
     ) -> list[Call]:
-        """List the calls that transform some columns, multiply them with the symbol, and transform them back.
+        """Return the calls that transform some columns, multiply them with the symbol, and transform them back.
 
         Parameters
         ----------
         planned : callable
-            Function that plans transforms, see `planner`.
+            Function that plans a transform and its inverse, see `planner`.
         columns : array (>= n1, columns)
-            Columns of the waves.
+            Some columns of the array of all waves.
         block, copy : array
             Memory for one block of columns.
         first : int
-            Number of the first column.
+            Number of the first of these columns.
         """
         n_columns = columns.shape[1]
         waves = block[:n_columns, : self.length].T
@@ -348,7 +350,7 @@ class StridedColumns:
         return self.mixing_response(block, first, count)
 
     def mixing_response(self, block: Any, first: int, count: int) -> Call:
-        """Make the call for mirror axes, where K combines the waves k and N − k, or for two transforms per column."""
+        """Make the call that multiplies the waves with K, for mirror axes or two transforms per column."""
         is_twisted = self.transforms > 1
         return partial(
             multiply_mixing, block, self.length, first, count, self.weights, is_twisted, *self.turns
@@ -358,26 +360,27 @@ class StridedColumns:
 class CopiedColumns(StridedColumns):
     """Transforms of the columns of large grids, which are copied to a block.
 
-    The copy has the order of a mirror axis. For a free axis of m points, which is half its padded length, it also has
-    the points times the twist exp(−iπk/m): the even waves are the transform of the points, and the odd waves that of
-    the twisted points.
+    The points of a mirror axis are copied in the order that its transform needs. For a free axis with the padded length
+    2m, the block has two rows for each column: the points, and the points times the twist exp(−iπj/m), where j is the
+    number of the point. The transform of the first row gives the waves with even numbers, and that of the second row
+    the waves with odd numbers.
     """
 
     blocks = 2
 
     @property
     def row_length(self) -> int:
-        """Length of a column in the memory of a block, in waves, including some unused cache lines."""
+        """Number of waves from one column to the next in the memory of a block, including some unused cache lines."""
         return row_length(self.length, self.waves.dtype.itemsize)
 
     def calls_of_block(
         self, planned: Planned, columns: Any, block: Any, copy: Any, first: int
     ) -> list[Call]:
-        """List the calls that transform some columns, multiply them with the symbol, and transform them back.
+        """Return the calls that transform some columns, multiply them with the symbol, and transform them back.
 
-        The arguments are those of `StridedColumns.calls_of_block`. The columns are first copied to `copy`, one column
-        to a row, because the transform of a row is faster. Their waves are computed in `block`, and the result of the
-        transform back is copied from `copy` to the columns.
+        The arguments are those of `StridedColumns.calls_of_block`. The columns are first copied to the rows of `copy`,
+        because the transform of a row is faster. The waves are computed in `block`. The inverse transform writes to
+        `copy`, from which the result is copied back to the columns.
         """
         points = copy[:, : self.length]
         waves = block[:, : self.length]
@@ -400,7 +403,7 @@ def padded_length(n: int) -> int:
 
 
 def row_length(waves: int, itemsize: int) -> int:
-    """Compute the length of a row of waves in memory, in waves; long rows are followed by some unused cache lines."""
+    """Compute the number of waves from one row to the next in memory, including some unused cache lines."""
     lines = math.ceil(waves * itemsize / LINE)
     if lines <= _LINES:
         return waves
@@ -423,11 +426,13 @@ def fftw() -> Any:
 
 @contextmanager
 def planner() -> Iterator[Planned]:
-    """Provide a function that plans a transform points → waves, and the inverse waves → target, which destroys waves.
+    """Provide a function that plans a transform and its inverse, for use in a `with` block.
 
-    The choice of FFTW depends on its earlier plans ("wisdom"), which are therefore forgotten before each plan. Only if
-    a problem is the same as the previous one, the wisdom is kept, with which FFTW plans in a tenth of the time. At the
-    end of the context, the wisdom from before is restored; saving and restoring it takes milliseconds.
+    The transform reads `points` and writes `waves`. The inverse reads `waves`, which it destroys, and writes `target`.
+
+    The choice of a plan by FFTW depends on its earlier plans ("wisdom"). The wisdom is therefore forgotten before each
+    plan. It is kept only if the arrays are like those of the previous plan, because FFTW then plans ten times as fast.
+    The end of the `with` block restores the wisdom of the caller. Saving and restoring it takes milliseconds.
     """
     pyfftw = fftw()
     last_problem = None
@@ -474,8 +479,9 @@ def mixing_weights(symbol: Array, mirror1: bool, mirror2: bool, transforms: int)
     3     half difference  half difference
     ===== ================ =================
 
-    Along an axis that is no mirror, the symbol itself replaces the sum, and 0 the difference. The cosine coefficient N
-    of N points is always 0; its symbol is chosen so that the difference vanishes.
+    Along an axis that is not a mirror, the symbol itself takes the place of the half sum, and the half difference is 0.
+    The cosine coefficient N of N points is always 0. Its symbol may be chosen freely, and is chosen so that the half
+    difference vanishes.
 
     Parameters
     ----------

@@ -1,9 +1,10 @@
-"""Solve the contact along a load programme, including the plastic deformation that remains after each peak.
+"""Solve the contact along a load programme, including the plastic deformation that remains after each peak load.
 
-States of first loading do not depend on the loading history. For unloading from a peak, the plastic deformation of the
-peak is added to the gap, and the contact is solved with the contact law of points that have been deformed in this way.
-At the pressure of the peak, this reproduces the state of the peak. Reloading follows the unloading curve up to the
-peak, and the first loading curve beyond it (Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018).
+States of first loading do not depend on the loading history. To unload from a peak load, the plastic deformation at the
+peak load is added to the gap. The contact is then solved with the contact law of points that already have this
+deformation. At the peak load itself, this gives the same state as first loading. Reloading follows the unloading curve
+up to the peak load, and the curve of first loading beyond it (Sahlin et al., Proc. IMechE J 224, 2010, 335;
+Pérez-Ràfols et al., 2018).
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -29,9 +30,9 @@ STATE_FIELDS = 20
 class _SolvedStep:
     """A solved load step.
 
-    output : value of `take` for the state; the state itself without `take`.
-    deformation : plastic deformation (n1, n2) [m] at a peak, from which unloading begins; None for other steps.
-    memory : value of `remember` for the contact, which is passed to the next load step.
+    output : result of `take` for the state, or the state itself if there is no `take`.
+    deformation : plastic deformation (n1, n2) [m] at a peak load, from which unloading begins; None for other steps.
+    memory : result of `remember` for the contact, which is passed to the next load step.
     has_yielded : whether any point has deformed plastically.
     """
 
@@ -53,8 +54,8 @@ class LoadState(LoadStep, Plotted):
     contact : Contact
         Contact at this step.
     yielded_again : float
-        Fraction of the points that yield during unloading. This may happen to points that were not plastic at the peak,
-        when other points pass their load on to them.
+        Fraction of the points that yield during unloading. This may happen to points that were elastic at the peak
+        load, when other points pass their load on to them.
     """
 
     contact: Contact = field(kw_only=True)
@@ -172,7 +173,8 @@ def contact_at_loads(
     Returns
     -------
     callable
-        The function `solve` with gap, half-space and law already set. It still needs the argument `pressure`.
+        The function `solve`, to which gap, half-space and law have already been passed. It is called with the argument
+        `pressure` and any further arguments.
     """
     law.tangent(half_space.shape)  # raises InputError if the law has arrays of another shape
     check_capacity("loading", float(programme.pressures.max()), law)
@@ -192,8 +194,9 @@ def load_states(
 ) -> Iterator[Any]:
     """Solve the contact states of a load programme.
 
-    If no point has yielded at a peak, unloading follows the loading curve. A pressure that was already solved during
-    loading is then not solved again; its output is yielded a second time. Other outputs are not kept in memory.
+    If no point has yielded at a peak load, unloading follows the loading curve. Pressures that have already been solved
+    during loading are then not solved again: the output of the loading step is yielded once more. No other outputs are
+    kept in memory.
 
     Parameters
     ----------
@@ -204,22 +207,22 @@ def load_states(
     rtol : float
         Target residual of each solution, see `solve_contact`.
     take : callable, optional
-        Function of a state, which is called in the process that solves the state. Its value is yielded instead of the
+        Function of a state, which is called in the process that solves the state. Its result is yielded in place of the
         state.
     remember : callable, optional
-        Function of a contact. Its value is passed to `solve` at the next load as the argument `remembered`, besides
-        the plastic deformation. The steps of first loading are then solved one after another.
+        Function of a contact. Its result is passed to `solve` at the next load step as the argument `remembered`, in
+        addition to the plastic deformation. The steps of first loading are then solved one after another.
     memory : float
-        Memory that is needed to solve a state and to call `take` [byte]. It limits the number of states that a mapper
-        solves at the same time.
+        Memory that is needed to solve a state and to call `take` [byte]. It limits the number of states that are solved
+        at the same time.
     mapper : callable
         Function like `map`, which solves the steps of first loading and then the steps of unloading. Within each of the
         two groups, the steps do not depend on each other.
 
     Yields
     ------
-    LoadState, or the value of `take`
-        One for each step, in the order of the programme.
+    LoadState, or the result of `take`
+        One item for each load step, in the order of the programme.
     """
     solve_step = partial(_solve_step, solve=solve, rtol=rtol, take=take, remember=remember)
     stage = Stage("contact of the whole face", solve_step, memory)
@@ -253,7 +256,7 @@ def _solve_programme(
         yield solved.output
 
     def follows_loading(step: LoadStep) -> bool:
-        """Return whether unloading to this step follows the loading curve, because no point has yielded at the peak."""
+        """Return whether unloading to this step follows the loading curve: no point has yielded at the peak load."""
         return not (one_after_another or peaks[step.unloaded_from].has_yielded)
 
     # on the loading curve, each pressure is solved only once
@@ -284,7 +287,7 @@ def _solve_programme(
 def _solve_one_after_another(
     stage: Stage, loading: Sequence[LoadStep], mapper: Mapper
 ) -> Iterator[_SolvedStep]:
-    """Solve the steps of first loading in their order, and pass the value of `remember` from each step to the next."""
+    """Solve the steps of first loading in order, and pass the result of `remember` from step to step."""
     before = _NOTHING_BEFORE
     for step in loading:
         (solved,) = mapper(stage, [step], [True], [before])
@@ -305,7 +308,7 @@ def _solve_step(
     """Solve the state of one load step.
 
     is_peak : whether to keep the plastic deformation for unloading from this step.
-    before : peak from which this step is unloaded, or the previous step of first loading.
+    before : solved step at the peak load from which this step is unloaded, or the previous step of first loading.
     """
     options = {} if remember is None else {"remembered": before.memory}
     deformation = before.deformation

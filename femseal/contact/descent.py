@@ -1,9 +1,10 @@
 """Solve a contact by steps that never increase the energy, for problems in which the active sets cycle.
 
 Each iteration begins with a step along the projected gradient with the Barzilai-Borwein length, which determines the
-free points. Conjugate gradients on the free points follow, which ignore the bounds. Their result is projected on the
-bounds, and the pressure moves towards it as far as the energy decreases. The energy is ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), with
-ψ = ½ Σ (p − H)₊²/h for points that harden. It decreases with each step, and the load remains constant.
+free points. Then follow conjugate gradients on the free points, which ignore the bounds. Their result is projected on
+the bounds, and the pressure is moved towards the projected pressure as far as the energy decreases. The energy
+decreases with each step, and the load remains constant. The energy is ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), with ψ = ½ Σ (p −
+H)₊²/h for points that harden.
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Birgin, Martínez & Raydan, SIAM J. Optim. 10, 2000, 1196.
 """
 
@@ -41,7 +42,7 @@ class Solution(NamedTuple):
 
 
 class _Law(NamedTuple):
-    """Straight law of every point, as arrays (n,).
+    """Linear contact law of each point, as arrays (n,).
 
     hardness : hardness H [Pa].
     slope : hardening modulus h [Pa/m].
@@ -112,7 +113,7 @@ def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit:
 def _project(
     p: Array, v: Array, c: float, delta: float, problem: Problem, law: _Law
 ) -> tuple[float, Array]:
-    """Find the δ that carries the load, and the projection y of p − c (v − δ) on the law (n,).
+    """Find the δ for which the projection y (n,) of p − c (v − δ) on the law carries the load; return δ and y.
 
     delta : first guess of δ [m].
     """
@@ -128,7 +129,7 @@ def _project(
 def _gradient_step(
     grid: Workspace, p: Array, v: Array, c: float, delta: float, problem: Problem, law: _Law
 ) -> float:
-    """Move p (n,) towards its projection y, to the lowest energy on the way; return the length c of the next step.
+    """Move p (n,) towards its projection y until the energy is lowest; return the length c of the next step.
 
     v (n,) is updated with p.
     """
@@ -160,9 +161,9 @@ def _move(grid: Workspace, p: Array, v: Array, d: Array, delta: float, law: _Law
 def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _Law) -> int:
     """Lower the energy on the free points; return the number of products with K.
 
-    Conjugate gradients find a step that ignores the bounds. The pressure at its end is projected on the bounds and the
-    load. If the energy does not fall on the way there, the step itself is made instead, up to the first bound that it
-    meets. p and v (n,) are updated.
+    Conjugate gradients find a step that ignores the bounds. The pressure after this step is replaced by the nearest
+    pressure that is within the bounds and carries the load. If the energy does not fall on the way to this pressure,
+    the step itself is made instead, up to the first bound that it meets. p and v (n,) are updated.
     """
     free, low, high, compliance = _free_points(p, law)
     if free.size < 2:
@@ -263,7 +264,7 @@ def _conjugate_gradients(
 
 
 def _within_bounds(target: Array, low: Array, high: Array, load: float) -> Array:
-    """Find the values (n,) between bounds that are nearest to a target (n,) and whose sum is the load.
+    """Find the values (n,) that are nearest to a target (n,), lie between the bounds, and add up to the load.
 
     A uniform shift of the target, limited to the bounds, is found by bisection.
     """

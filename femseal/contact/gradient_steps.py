@@ -18,8 +18,8 @@ response : Kd at the points near contact, in the order of the list `near`.
 dense : values at all points of the grid, 0 at points that are not free. It contains either the values to which the
     stencil is applied, or the direction d.
 weights : stencil of the preconditioner (3, 3).
-rows, columns : for each row and column of the grid with a border of one point, the row or column with the same values;
-    −1 beyond the end of a free axis.
+rows, columns : for each row from −1 to n1 (each column from −1 to n2), the row (column) of the grid that has the same
+    values; −1 beyond the end of a free axis, where there is none.
 """
 
 import numpy as np
@@ -47,7 +47,7 @@ def restart(
 
 @fast_loop
 def set_scale(first, end, slope, state, dense, free, hardening_compliance, scale, weights):
-    """Compute compliance a and factor s of some free points, and set `dense` to s, from which M1 is computed."""
+    """Compute compliance a and factor s of some free points, and copy s to `dense` for the computation of M1."""
     for k in range(first, end):
         i = free[k]
         hardening_compliance[k] = 1.0 / value_at(slope, i) if state[i] == 3 else 0.0
@@ -130,7 +130,8 @@ def step(
 ):  # fmt: skip
     """Perform a step of conjugate gradients: p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
 
-    kd : array (n1, >= n2), product of the direction with K for a unit modulus. Kd is `compliance` times this product.
+    kd : array (n1, >= n2), displacement under the pressure d for a half-space of unit modulus. Kd is `compliance` times
+        this displacement.
 
     wr : w·r of the direction.
 

@@ -50,10 +50,10 @@ class HalfSpace:
     spacing : pair of float
         Spacing (Δ1, Δ2) of the pixels [m].
     modulus : float or pair of bodies
-        Contact modulus E* [Pa]; or the two bodies in contact, `Solid`, `Coated`, or None for a rigid one. Without a
-        coating it becomes their contact modulus.
+        Contact modulus E* [Pa]; or the two bodies in contact, each a `Solid`, a `Coated`, or None for a rigid body. If
+        neither body is coated, the attribute `modulus` is their contact modulus.
     boundary : str or pair of str
-        Kind of boundary of each axis: "periodic", "mirror" or "free". A single word is used for both axes.
+        Kind of boundary of each axis: "periodic", "mirror" or "free". A single string applies to both axes.
 
     Raises
     ------
@@ -104,7 +104,7 @@ class HalfSpace:
 
     @cached_property
     def _mean_spacing(self) -> float:
-        """Geometric mean of the pixel lengths [m], without an axis that has only one point."""
+        """Geometric mean of both pixel lengths [m]; an axis with only one point is left out."""
         spacings = [d for n, d in zip(self.shape, self.spacing, strict=True) if n > 1]
         if not spacings:
             spacings = [min(self.spacing)]
@@ -112,9 +112,10 @@ class HalfSpace:
 
     @cached_property
     def stiffness(self) -> float:
-        """Stiffness c = πE*/(4Δ) [Pa/m] of a wave of four pixels, by which the contact solver turns gap into pressure.
+        """Stiffness c = πE*/(4Δ) [Pa/m] of the half-space for a wave with the length of four pixels.
 
-        Δ is the geometric mean of the spacings along which there are several points.
+        The contact solver multiplies gaps by c to obtain pressures. Δ is the geometric mean of both spacings; an axis
+        with only one point is left out.
         """
         return np.pi * self.pixel_modulus / (4 * self._mean_spacing)
 
@@ -137,8 +138,8 @@ class HalfSpace:
         """Compute the eigenvalues of K [m/Pa].
 
         The eigenvectors are waves along periodic axes and padded free axes, and cosines along mirror axes. The
-        eigenvalue does not depend on the signs of the wave numbers. Only the waves with non-negative wave numbers are
-        therefore included; mirror axes have all cosines.
+        eigenvalue does not depend on the signs of the wave numbers, so that only waves with non-negative wave numbers
+        are included. A mirror axis has as many cosines as points.
         """
         n1, n2 = self.shape
         d1, d2 = self.spacing
@@ -285,9 +286,10 @@ def strip_symbol(
 
 
 def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> Array:
-    """Compute the first half of the transform of the kernel of a free axis for some waves q, see `strip_symbol`.
+    """Compute the Fourier transform, along a free axis, of the kernels of some waves q; see `strip_symbol`.
 
-    The kernel is even about 0. Its values at offsets of more than n − 1 pixels do not matter.
+    Each kernel is even about 0, so that the first half of its transform is sufficient. Its values at offsets of more
+    than n − 1 pixels do not matter.
 
     n, length, d : number of points, padded length, and pixel length [m] of the free axis.
     q : wave numbers of the other axis [rad/m].
@@ -314,10 +316,11 @@ def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> A
 
 
 def _add_wave(waves: Array, d: float, q: Array, weight: Array) -> None:
-    """Add weight · ∫ K₀(q|t|) dt over the pixels at 0, d, 2d, … to the kernels of the waves (wave, pixel).
+    """Add one alias of each wave to the kernels (wave, pixel): weight · ∫ K₀(q|t|) dt over each pixel.
 
-    For the pixel at 0, the integral over the rest of the line is subtracted instead; the caller adds the integral over
-    the whole line.
+    The pixels lie at t = 0, d, 2d, … The integral over the pixel at 0 is the integral over the whole line less that
+    over the rest of the line. Only the second part is subtracted here; the caller adds the first part for all aliases
+    together.
     """
     # beyond these pixels the integral is negligible for the longest wave
     reach = _LARGEST_ARGUMENT / (q.min(initial=np.inf) * d)

@@ -21,7 +21,7 @@ SMALLEST_DEPTH = 1e-7
 class HardnessTable(ContactLaw):
     """Law with a table of hardness over depth, as instrumented indentation measures it.
 
-    A point that yields to the depth u is assumed to carry the pressure of an indentation of this depth. H(u) is
+    A point with the plastic deformation u is assumed to carry the pressure of an indentation of this depth. H(u) is
     interpolated with a monotone cubic (PCHIP; Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300), and constant
     beyond the ends of the table.
 
@@ -75,12 +75,12 @@ class HardnessTable(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """Hardness at the end of the table [Pa], which points carry at any larger depth."""
+        """Hardness at the largest depth of the table [Pa], which is also the hardness at larger depths."""
         return float(self.hardness[-1])
 
     @property
     def constant_depth(self) -> float:
-        """Depth [m] at which the table begins, before which the hardness is constant."""
+        """Smallest depth of the table [m]; at smaller depths the hardness is constant."""
         return float(self.depth[0])
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
@@ -106,16 +106,16 @@ class HardnessTable(ContactLaw):
 class NixGao(ContactLaw):
     """Law of a metal that is harder at small depths: H(u) = H₀ √(1 + h*/u), constant below a smallest depth.
 
-    Such a metal softens as it yields (Nix & Gao, J. Mech. Phys. Solids 46, 1998, 411). Below about 0.1 µm the measured
-    hardness remains finite (Feng & Nix, Scripta Mater. 51, 2004, 599), whereas the formula becomes infinite; this is
-    what the smallest depth is for.
+    Such a metal softens as it yields (Nix & Gao, J. Mech. Phys. Solids 46, 1998, 411). As the depth tends to 0, the
+    formula tends to infinity, whereas the measured hardness remains finite below about 0.1 µm (Feng & Nix, Scripta
+    Mater. 51, 2004, 599). The hardness is therefore constant below a smallest depth.
 
     Parameters
     ----------
     hardness : float
         Hardness H₀ > 0 at large depths [Pa].
     depth : float
-        Length h* >= 0 of the law [m].
+        Characteristic depth h* >= 0 [m].
     smallest_depth : float
         Depth > 0 below which the hardness is constant [m].
 
@@ -141,7 +141,7 @@ class NixGao(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """Hardness H₀ at large depths [Pa], which points carry at any depth."""
+        """Hardness H₀ at large depths [Pa]; at smaller depths points carry at least this pressure."""
         return self.hardness
 
     @property
@@ -172,12 +172,13 @@ class NixGao(ContactLaw):
 class CoatedLaw(ContactLaw):
     """Law of a coated body: points yield at the hardness of the coating up to its thickness, then at the substrate's.
 
-    H(u) is that of the coating up to u = d. Between d and 1.1 d it passes smoothly into that of the substrate, whose
-    own deformation is u − d. The law assumes that the substrate does not constrain the flow of the coating before that.
-    It is sound for contact patches that are at most about six thicknesses wide. If a coating of yield stress σ_y sticks
-    to both faces, a strip of width w in contact carries the mean pressure (2/√3) σ_y (1 + w/4d) in plane strain (slab
-    method, Hosford & Caddell, Metal Forming, section 9.11). This exceeds 2.8 σ_y for w > 5.7 d: by 44 % for w = 10 d,
-    and by a factor of 2.5 for w = 20 d. A law at single points cannot know w.
+    Up to u = d, H(u) is the curve of the coating. Between d and 1.1 d it changes smoothly to the curve of the
+    substrate, which is evaluated at the deformation u − d of the substrate. The law assumes that the substrate does not
+    constrain the plastic flow of the coating up to u = d. This is a good approximation for contact patches that are at
+    most about six times as wide as the coating is thick. If a coating of yield stress σ_y sticks to both faces, a strip
+    of width w in contact carries the mean pressure (2/√3) σ_y (1 + w/4d) in plane strain (slab method, Hosford &
+    Caddell, Metal Forming, section 9.11). This exceeds 2.8 σ_y for w > 5.7 d: by 44 % for w = 10 d, and by a factor of
+    2.5 for w = 20 d. A law for single points cannot take w into account.
 
     Parameters
     ----------
@@ -220,7 +221,7 @@ class CoatedLaw(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """Largest mean pressure [Pa] that the substrate carries, once the coating has given way."""
+        """Largest mean pressure [Pa], which the substrate carries once the coating has yielded through."""
         return self.substrate.capacity
 
     @property
@@ -255,15 +256,15 @@ class CoatedLaw(ContactLaw):
         return slope + 6 * x * (1 - x) / (_PASSAGE * self.thickness) * difference
 
     def _below(self, u: Array) -> Array:
-        """Return the deformation of the substrate [m]."""
+        """Return the deformation of the substrate [m], by which u exceeds the thickness of the coating."""
         return np.maximum(u - self.thickness, 0.0)
 
     def _passed(self, u: Array) -> Array:
-        """Return how much of the passage from coating to substrate lies behind a deformation, 0 to 1."""
+        """Return how far the change from coating to substrate has progressed at a deformation u, from 0 to 1."""
         return np.clip((u / self.thickness - 1) / _PASSAGE, 0.0, 1.0)
 
     def _share(self, u: Array) -> Array:
-        """Return the share of the substrate in the hardness, a cubic without a kink."""
+        """Return the weight of the substrate in H(u), a smooth cubic function from 0 to 1."""
         x = self._passed(u)
         return x**2 * (3 - 2 * x)
 
@@ -274,8 +275,8 @@ class CoatedLaw(ContactLaw):
 def law_of_coating(layer: ContactLaw, substrate: ContactLaw | None, thickness: float) -> ContactLaw:
     """Make the law of a coated body.
 
-    It is that of the coating alone, at every depth, on a substrate that does not yield: one that is rigid (None) or
-    has no strength given.
+    If the substrate never yields, because it is rigid (None) or has no strength given, the law of the coating applies
+    at every depth and is returned. It is also returned if the coating never yields.
 
     Parameters
     ----------
@@ -290,5 +291,5 @@ def law_of_coating(layer: ContactLaw, substrate: ContactLaw | None, thickness: f
 
 
 def _hardness(hardness: float | None) -> float:
-    """Return a hardness [Pa], infinite unless it is given."""
+    """Return a hardness [Pa] as a number; None becomes infinity."""
     return np.inf if hardness is None else float(hardness)

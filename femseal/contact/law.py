@@ -36,12 +36,13 @@ _COMPARED_DEPTHS = np.r_[0.0, np.geomspace(1e-10, 1e-3, 281)]
 class ContactLaw:
     """Base class of all contact laws. A law has to define `yield_pressure` and `hardening_modulus`.
 
-    A law should be a frozen dataclass (with `eq=False`). Its fields are its parameters, from which its key is computed.
+    A law should be a frozen dataclass (with `eq=False`). Its fields are the parameters of the law, from which `key` is
+    computed.
     """
 
     @property
     def linear(self) -> bool:
-        """Whether H(u) is a straight line at each point. A curved law needs several solutions instead of one."""
+        """Whether H(u) is a straight line at each point. A curved law takes several solutions instead of one."""
         return False
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
@@ -81,14 +82,15 @@ class ContactLaw:
     def constant_depth(self) -> float:
         """Plastic deformation [m] up to which H(u) is the same constant for all points; 0 if there is none.
 
-        The solver first tries this constant, with which a contact costs as much as one with perfect plasticity.
+        The solver first assumes that no point is deformed beyond this depth. Such a contact takes no longer than one
+        with perfect plasticity.
         """
         return inf if self.is_perfect and self.is_uniform else 0.0
 
     def at(self, is_chosen: Flags) -> ContactLaw | None:
-        """Return the law of some points, for arrays (chosen points,); None if the law cannot be divided.
+        """Return the law of the chosen points alone; None if the law is only defined for all points together.
 
-        is_chosen : array (n1, n2) of flags.
+        is_chosen : flags (n1, n2). The returned law takes and returns arrays (chosen points,).
         """
         return self if self.is_uniform else None
 
@@ -107,12 +109,12 @@ class ContactLaw:
         return _ChangedLaw(self, factor=factor)
 
     def admissible(self, pressure: Array, gap: Array, stiffness: float) -> tuple[Array, Array]:
-        """Project a pressure on the law.
+        """Project a contact pressure on the law; return the projected pressure and the plastic deformation.
 
         The projection y of the trial pressure z = p − c g satisfies z = y + c u, with y = H(u) at points that yield. It
-        minimises ½(y − z)² + c ψ(y), where ψ is the energy of the law. If the law softens steeply, there may be several
-        solutions. If the overlap −g of a point lies beyond the steep part, the solution near this overlap is chosen,
-        because the load that the point has lost by softening has moved to its neighbours.
+        minimises ½(y − z)² + c ψ(y), where ψ is the energy of the law. If the law softens steeply, the equation may
+        have several solutions. A point whose overlap −g already lies beyond the steep part of the curve has softened,
+        and its neighbours carry the load that it has lost. The solution near this overlap is then chosen.
 
         Parameters
         ----------
@@ -197,7 +199,9 @@ class ContactLaw:
         return u
 
     def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
-        """Compute the tangent of the curve H(u) at a plastic deformation; a horizontal line where the law softens.
+        """Compute the tangent of the curve H(u) at a plastic deformation.
+
+        Where the law softens, a horizontal line takes the place of the tangent.
 
         Parameters
         ----------
@@ -245,8 +249,8 @@ class ContactLaw:
 class LinearHardening(ContactLaw):
     """Contact law of points that harden linearly with their plastic deformation: H(u) = H + h u.
 
-    After unloading, the hardness of a point remains H + h u. Reloading up to the peak is elastic unless points yield
-    again. Beyond the peak, the curve of first loading is continued.
+    After unloading, the hardness of a point remains H + h u. Reloading is elastic up to the earlier peak load, unless
+    points have yielded again during unloading. Beyond the peak load, the contact follows the curve of first loading.
 
     Parameters
     ----------
@@ -279,7 +283,7 @@ class LinearHardening(ContactLaw):
 
     @property
     def linear(self) -> bool:
-        """Whether H(u) is a straight line: always."""
+        """Whether H(u) is a straight line, which is always the case for this law."""
         return True
 
     @property
@@ -300,12 +304,12 @@ class LinearHardening(ContactLaw):
         return self._uniform_line.capacity if self.is_uniform else super().capacity
 
     def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
-        """Return the law itself, which is its own tangent at any deformation."""
+        """Return the line itself, which is its own tangent at any deformation."""
         return self._uniform_line if self.is_uniform else super().tangent(shape, 0.0)
 
     @cached_property
     def _uniform_line(self) -> YieldLine:
-        """Straight line of a uniform law, which is stored so that it is only checked once."""
+        """Line H + h u of a uniform law; it is stored, so that its values are checked only once."""
         return super().tangent((1, 1))
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
@@ -372,7 +376,7 @@ class _ChangedLaw(ContactLaw):
 
     @cached_property
     def constant_depth(self) -> float:  # type: ignore[override]
-        """What the earlier deformation leaves of the constant depth of the original law [m]."""
+        """Depth of constant hardness of the original law, less the earlier deformation [m]."""
         if np.ndim(self.fluid_pressure) > 0:
             return 0.0
         return max(0.0, self.law.constant_depth - float(np.max(self.earlier_deformation)))
@@ -442,13 +446,13 @@ class SofterOf(ContactLaw):
         return min(self.first.constant_depth, self.second.constant_depth)
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """Compute the lower one of the yield pressures H(u) of both laws [Pa]."""
+        """Compute the smaller of the yield pressures H(u) of the two laws [Pa]."""
         first = self.first.yield_pressure(deformation)
         second = self.second.yield_pressure(deformation)
         return np.minimum(first, second)
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """Compute the slope dH/du [Pa/m] of the law whose yield pressure H(u) is lower at this deformation."""
+        """Compute dH/du [Pa/m] of the law with the smaller yield pressure."""
         first_pressure = self.first.yield_pressure(deformation)
         second_pressure = self.second.yield_pressure(deformation)
         first = self.first.hardening_modulus(deformation)
@@ -460,9 +464,9 @@ class SofterOf(ContactLaw):
 
 
 def softer_of(first: ContactLaw, second: ContactLaw | None = None) -> ContactLaw:
-    """Return the law of the softer of two bodies, or the law `SofterOf` both if their curves cross.
+    """Return the law of the softer of two bodies; if the curves of the bodies cross, return `SofterOf` both laws.
 
-    first, second : laws that are the same for all points; None for a rigid second body.
+    first, second : laws of the two bodies, each the same for all points; None if the second body is rigid.
     """
     if second is None:
         return first
@@ -530,12 +534,12 @@ def contact_law(hardness: float | ArrayLike | ContactLaw) -> ContactLaw:
 
 @lru_cache(maxsize=64)
 def _law_of_number(hardness: float) -> PerfectlyPlastic:
-    """Make the perfectly plastic law for a number; the same number is only checked once."""
+    """Make the perfectly plastic law for a number, or return the law that was made before for the same number."""
     return PerfectlyPlastic(hardness)
 
 
 def _at(values: float | Array, is_chosen: Flags) -> float | Array:
-    """Return the values of some points; a number is the value of all points."""
+    """Return the values at the chosen points; a single number, which applies to all points, is returned unchanged."""
     return values[is_chosen] if isinstance(values, np.ndarray) and values.ndim > 0 else values
 
 

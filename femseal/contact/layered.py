@@ -15,8 +15,9 @@ and for rough surfaces by Nogi & Kato, J. Tribol. 119, 1997, 493. S was not comp
 with closed forms and with finite elements (docs/evidence/coatings.md).
 
 Along free axes the difference from a half-space of the layer's material is added. It is smooth, because S − 1 decays
-exponentially. As a sum of exponentials, S − 1 = Σ a exp(−b t), it is the displacement by charges at the depths b d:
-1/√(r² + (bd)²), of which integrals over pixels have closed forms.
+exponentially. S − 1 is fitted by a sum of exponentials, Σ a exp(−b t). Each of them gives a displacement proportional
+to 1/√(r² + (bd)²), like the potential of a charge at the depth b d. The integral of this function over a pixel has a
+closed form.
 """
 
 from __future__ import annotations
@@ -155,13 +156,13 @@ def layer_factor(body: Coated, t: Array) -> Array:
 
 
 def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodies: Bodies) -> Array:
-    """Compute the difference between the displacements of coated bodies and of half-spaces of the layers' materials.
+    """Compute what the coatings add to the displacement of half-spaces of the layers' materials, for one free axis.
 
-    This is the contribution of the coatings to the kernel of `half_space.strip_symbol`, for one free axis, before the
-    Fourier transform. For a wave q > 0 along the other axis it is (1/2π) ∫ 2(S − 1)/(E₁* |q|) exp(i q₁ x) dq₁ along
-    the free axis, averaged over pixels. Because the integrand is smooth, the trapezoidal rule converges exponentially;
-    it is computed as a Fourier transform. For q = 0 the kernel is a sum of logarithms, one for each of the exponentials
-    to which S − 1 is fitted.
+    This is the contribution of the coatings to the kernel of `half_space.strip_symbol` before the Fourier transform.
+    For a wave q > 0 along the other axis it is (1/2π) ∫ 2(S − 1)/(E₁* |q|) exp(i q₁ x) dq₁ along the free axis,
+    averaged over pixels. Because the integrand is smooth, the trapezoidal rule converges exponentially; it is computed
+    as a Fourier transform. For q = 0 the kernel is a sum of logarithms, one for each of the exponentials to which S − 1
+    is fitted.
 
     Parameters
     ----------
@@ -197,7 +198,7 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
 
 
 def free_difference(edges1: Array, edges2: Array, bodies: Bodies) -> Array:
-    """Compute the same difference between displacements as `strip_difference`, but for two free axes.
+    """Compute what the coatings add to the displacement, as `strip_difference` does, but for two free axes.
 
     Parameters
     ----------
@@ -234,7 +235,7 @@ def _surface(body: Solid | Coated) -> Solid:
 
 
 def _coated(bodies: Bodies) -> list[Coated]:
-    """Return those of two bodies that are coated."""
+    """Return the bodies that have a coating."""
     return [body for body in bodies if isinstance(body, Coated)]
 
 
@@ -303,10 +304,11 @@ def _long_wave_factor(body: Coated) -> float:
 
 
 def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
-    """Compute the difference of the kernel (n,) [m/Pa] for a pressure that is uniform along the other axis.
+    """Compute what a coating adds to the kernel (n,) [m/Pa] for a pressure that is uniform along the other axis.
 
-    The integral of ½ ln(x² + z²) over a pixel is ½ x ln(x² + z²) − x + z atan(x/z) between its edges. The constant is
-    arbitrary; lengths are divided by that of the strip.
+    Each exponential a exp(−bt) of `_exponentials` adds the displacement −(2a/πE₁*) ln √(x² + z²) with z = b d. The
+    integral of ½ ln(x² + z²) over a pixel is ½ x ln(x² + z²) − x + z atan(x/z) between its edges. The constant of the
+    logarithm is arbitrary, so that x and z may be divided by the length of the strip.
     """
     amplitudes, exponents = _exponentials(_without_length(body))
     length = n * d
@@ -318,10 +320,13 @@ def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
 
 
 def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -> Array:
-    """Compute the difference of the kernel (waves, n) [m/Pa] for waves q > 0 along the other axis, see
-    `strip_difference`.
+    """Compute what a coating adds to the kernel (waves, n) [m/Pa] for waves q > 0 along the other axis.
 
-    n, d : points and spacing of the free axis. q : waves (waves,) that are at most twice as long as each other.
+    See `strip_difference` for the integral. Aliases of the waves along both axes are added up, each weighted with the
+    transform of a pixel, a product of two sinc functions.
+
+    n, d : number of points and spacing of the free axis.
+    q : wave numbers (waves,), of which the largest is at most twice the smallest.
     """
     # a case that is only checked does not load the transforms
     from scipy.fft import irfft, next_fast_len
@@ -344,5 +349,5 @@ def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -
 
 
 def _zones(shortest: float, spacing: float) -> int:
-    """Count the zones of shorter waves on either side that reach up to a wave number [rad/m]."""
+    """Count the aliases on either side (±1 to ±m) that are needed to include all waves up to `shortest` [rad/m]."""
     return min(_MOST_ZONES, max(0, int(np.ceil(0.5 * (shortest * spacing / np.pi - 1)))))

@@ -116,7 +116,7 @@ def list_near_in_parts(
     gap0, offset, hardness, slope, p, v, state, near, near_p, near_v, free, place,
     factor, weight, reach, _first, n_rows,
 ):  # fmt: skip
-    """Perform `list_near` on several threads, each of which lists the points of some parts of the grid.
+    """Make the lists of `list_near` on several threads, each of which lists the points of some parts of the grid.
 
     Only a few parts are processed at a time, so that their lists need little memory.
     """
@@ -159,7 +159,7 @@ def evaluate(hardness, slope, state, near, near_p, near_v, trial, load, n_near, 
 
     The projection of x + cδ, with x = p − c v, is y(δ). The approach follows from Σ y = load.
 
-    Returns δ, whether the points near contact can carry the load, and the four values of `compare`.
+    Returns δ, whether the points near contact can carry the load, and the four results of `compare`.
     """
     find_trial(n_near, c, near_p, near_v, trial)
     delta, carried = find_approach(trial, n_near, hardness, slope, c, near, c, load, delta)
@@ -254,21 +254,21 @@ def find_approach(x, n, hardness, slope, c_law, listed, c, load, start):
 
 
 def _bounds(values: list[Any]) -> Any:
-    """Combine the values of `capacity` for all parts: maxima of the first two values, and sums of the others."""
+    """Combine the results of `capacity` for all parts: the first two by maxima, the other two by sums."""
     highest, full, total, rise = zip(*values, strict=True)
     return max(highest), max(full), sum(total), sum(rise)
 
 
 @by_items(_bounds, **_EXACT)
 def capacity(first, end, x, hardness, slope, c_law, listed, load):
-    """Compute the arguments of `bracket_approach` from some points.
+    """Compute, for some points, the quantities from which `bracket_approach` finds bounds of the approach.
 
     Returns
     -------
     highest : largest x. If cδ < −highest, all pressures are 0.
-    full : largest min(H, load) − x. If cδ > full, each point is at its hardness or carries more than the load alone.
-    total : sum of H, which is the load that the points can carry without hardening.
-    rise : sum of t, by which the load increases with cδ once all points harden.
+    full : largest value of min(H, load) − x. If cδ > full, each point carries its hardness or more than the whole load.
+    total : sum of H, which is the load of the points when each of them is at its hardness.
+    rise : sum of t. When all points harden, this is the derivative of the load with respect to cδ.
     """
     x, listed = x[first:end], listed[first:end]
     highest = -np.inf
@@ -289,9 +289,9 @@ def capacity(first, end, x, hardness, slope, c_law, listed, load):
 
 @exact
 def bracket_approach(highest, full, capacity, rise, c, load, start):
-    """Return a first δ, a lower and an upper bound of δ, and whether the points can carry the load.
+    """Return a first guess of δ, a lower and an upper bound of δ, and whether the points can carry the load.
 
-    If the bounds are equal, δ is the solution. The first four arguments are the values of `capacity`.
+    If the bounds are equal, δ is the solution. The first four arguments are the results of `capacity`.
     """
     if capacity <= load:
         if rise == 0.0:  # without hardening, all points are at their hardness
@@ -363,7 +363,7 @@ def project(
 
     With `keep`, points that remain free in the same state keep their pressure from the conjugate gradients. A uniform
     pressure is then added to the free points, within their bounds, so that all points together carry the load. The
-    array `response` is used as memory for the pressures of the free points.
+    array `response` serves as a work array for the pressures of the free points.
 
     Returns the number of free points.
     """
@@ -443,10 +443,10 @@ def shift(first, end, c, uniform, hardness, slope, p, free, pressure):
 def gap_and_deformation(first, end, p, v, delta, c, hardness, slope, gap, deformation, plastic):
     """Compute gap, plastic deformation u and flags of plastic points in the rows `first` to `end` − 1.
 
-    u = (p − H − c g)/(s + c) is the plastic deformation of the projection of p − c g. H is the hardness, s the slope of
-    the law, g = v − δ the gap before projection, v the displacement, δ the approach, and c the projection's factor.
-    For s = 0, u is −g. The error of this formula is small for all s, because u follows from the pressure p if s is
-    large, and from g if s is small.
+    The plastic deformation u = (p − H − c g)/(s + c) follows from the projection of the trial pressure p − c g on the
+    law. H is the hardness, s the slope of the law, g = v − δ the gap before projection, v the displacement, δ the
+    approach, and c the projection's factor. For s = 0, u is −g. The error of this formula is small for all s, because u
+    follows from the pressure p if s is large, and from g if s is small.
     """
     columns = p.size // v.shape[0]
     for row in range(first, end):

@@ -91,9 +91,9 @@ class Contact(Shown):
     def area_fraction_corrected(self) -> float:
         """Contact fraction, corrected for the discretisation error at the edges of contact patches.
 
-        A pixel that is only partly in contact counts as a pixel in contact. For each side of a pixel between contact
-        and gap, this overestimates the contact by (π − 1 + ln 2)/24 of a pixel (Yastrebov, Anciaux & Molinari, Tribol.
-        Int. 114, 2017, 161).
+        A pixel that is only partly in contact counts as a pixel in contact. The contact area is therefore too large, by
+        (π − 1 + ln 2)/24 of a pixel for each side at which a pixel in contact meets a pixel with a gap (Yastrebov,
+        Anciaux & Molinari, Tribol. Int. 114, 2017, 161).
         """
         in_contact = self.pressure > 0
         n_sides = 0
@@ -110,7 +110,7 @@ class Contact(Shown):
 
     @property
     def plastic_fraction(self) -> float:
-        """Fraction of the points that are at the hardness."""
+        """Fraction of the points whose contact pressure has reached the hardness."""
         return float(np.count_nonzero(self.plastic) / self.pressure.size)
 
     @property
@@ -157,12 +157,13 @@ def solve_contact(
     deformation : array (n1, n2), optional
         Plastic deformation >= 0 [m] due to an earlier load. The plastic deformation of the result includes it.
     fluid_pressure : float or array (n1, n2)
-        Pressure p_f of a fluid between the surfaces [Pa], above that of the surroundings. The traction t = p + p_f is
-        then at least p_f and at most H, so that h₁ + K p_f, p̄ − mean p_f and H − p_f replace h₁, p̄ and H. A uniform
-        p_f on a periodic surface is a dry contact with these values.
+        Pressure p_f of a fluid between the surfaces [Pa], relative to the surroundings. The problem is then that of a
+        dry contact with three changes: the fluid opens the gap from h₁ to h₁ + K p_f, the contact carries p̄ − mean
+        p_f, and points yield at the contact pressure H − p_f.
     rtol : float
-        Complementarity residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ to reach, with c = πE*/(4Δ) and the geometric mean Δ
-        of the spacings along which there are points. For other laws, the projection on the law replaces clip.
+        Complementarity residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ to reach, with c = πE*/(4Δ). Δ is the geometric mean
+        of both spacings; an axis with only one point is left out. For other laws, the projection on the law takes the
+        place of clip.
     threads : int, optional
         Number of threads that share the work on grids of 512² points or more. Default: the threads that the current run
         leaves free, or one thread if there is no run. The number of threads does not change the results.
@@ -184,8 +185,8 @@ def solve_contact(
     -----
     The method is an inexact semismooth Newton method on the sets of points in contact and at the hardness, as in
     gradient-projection conjugate gradients (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231,
-    1999, 206). If the sets still change after many iterations, steps are used that never raise the energy. The residual
-    is that of the returned pressure.
+    1999, 206). If the sets still change after many iterations, steps are used that never raise the energy. The
+    attribute `residual` is that of the returned pressure.
 
     Examples
     --------
@@ -236,7 +237,7 @@ def _as_dry_contact(
     law : ContactLaw
         Law of the contact pressure alone.
     pressure : float
-        Nominal pressure that is left to the contact [Pa].
+        Nominal pressure that the contact has to carry [Pa].
     """
     if np.ndim(fluid_pressure) == 0:
         value = validate.number("fluid_pressure", fluid_pressure, unit="Pa", above=-inf)
@@ -321,7 +322,7 @@ class _Level(NamedTuple):
     def first_guess(self) -> Array:
         """Guess the pressure: distribute the load uniformly on the highest points.
 
-        The number of these points is chosen so that their pressure is the hardness or 0.1 E*, whichever is smaller.
+        So many points are taken that their mean pressure is the hardness or 0.1 E*, whichever is smaller.
         """
         wanted_pressure = min(self.line.mean_hardness, 0.1 * self.half_space.pixel_modulus)
         gap0 = self.gap0
@@ -336,7 +337,7 @@ class _Level(NamedTuple):
 def _solve_straight_law(level: _Level, rtol: float, start: Array | None = None) -> Contact:
     """Solve a contact with a linear law, from the coarsest grid to the given one.
 
-    start : first guess of the pressure (n1, n2) [Pa] on the given grid, in place of the coarser grids.
+    start : first guess of the pressure (n1, n2) [Pa] on the given grid. With a guess, no coarser grids are used.
     """
     # heights are measured from the highest point, so that rounding errors are small for points in contact
     offset = float(level.gap0.min())
@@ -380,7 +381,7 @@ def _uniform_contact(level: _Level, offset: float, pressure: float | Array) -> C
 
 
 def _check_solution(level: _Level, carried: float, solution: Solution, rtol: float) -> None:
-    """Raise NotConverged if the residual is above `rtol`, or if the carried mean pressure [Pa] is not the load."""
+    """Raise NotConverged if the residual is above `rtol`, or if the mean pressure [Pa] differs from the load."""
     if not abs(carried - level.load) <= _LOAD_TOLERANCE * level.load:
         raise NotConverged(
             f"contact: the solution carries {carried / level.load:.6g} times the given load; try another grid",
@@ -434,11 +435,11 @@ def _make_contact(level: _Level, grid: Workspace, offset: float, solution: Solut
 def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
     """Solve a contact with a curved law as a sequence of contacts with tangents of the law.
 
-    Each tangent touches the curve at the deformation u of the previous contact, whose pressure is the first guess. If
-    the law softens and the change of u has reversed its sign, only half of the change is made, because u could
-    otherwise oscillate between two tangents. The tolerance of each contact is a fraction of the mismatch that the
-    previous one has left. Where the law begins with a constant hardness that no point exceeds, the first contact is
-    the solution.
+    Each tangent touches the curve at the plastic deformation u of the previous contact. The pressure of that contact is
+    the first guess of the next one. If the law softens and the change of u has reversed its sign, only half of the
+    change is made, because u could otherwise oscillate between two tangents. The tolerance of each contact is a
+    fraction of the mismatch between pressure and law after the previous contact. Where the law begins with a constant
+    hardness that no point exceeds, the first contact is the solution.
 
     Raises
     ------
@@ -507,12 +508,12 @@ def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
 def _tangent_from_depth(
     law: ContactLaw, first: YieldLine, u: Array
 ) -> tuple[YieldLine, float | Array]:
-    """Compute the tangents of a law at the deformations u (n1, n2) [m], and the depths at which they begin.
+    """Compute the tangents of a law at the deformations u (n1, n2) [m], and the depth at which each tangent begins.
 
-    A steep tangent would have a negative pressure at u = 0. It therefore begins at a certain depth, by which the caller
-    increases the gap.
+    If a steep tangent were extended to u = 0, its pressure there would be negative. Such a tangent therefore begins at
+    a larger depth. The caller adds this depth to the gap, so that deformations in the contact problem count from there.
 
-    first : tangent at u = 0.
+    first : tangent of the law at u = 0.
     """
     is_curved = u > law.constant_depth
     if not is_curved.any():
@@ -533,10 +534,11 @@ def _tangent_from_depth(
 
 
 def _carrying_deformation(law: ContactLaw, u: Array, load: float) -> float:
-    """Find how much more all points have to yield until their hardness carries the load; 0 if it never does.
+    """Find by how much the deformation of all points has to increase for their hardness to carry the load.
 
-    A uniform deformation only changes the approach, but not the pressure. Without it, the tangents of a coating that
-    must yield through would remain those of its constant hardness.
+    Returns 0 if their hardness cannot carry the load at any deformation that is tried. A uniform increase of the
+    deformation changes the approach, but not the pressure. It is necessary if, for example, a coating has to yield
+    through its thickness: otherwise all tangents would remain those of its constant hardness.
 
     u : array (n1, n2), plastic deformation [m].
     load : nominal pressure [Pa].
@@ -569,7 +571,10 @@ def _softens(law: ContactLaw, u: Array) -> bool:
 
 
 def _law_at(law: ContactLaw, is_chosen: Flags) -> tuple[ContactLaw, Any]:
-    """Return the law of some points and their index; of all points, if the law is only known for all together."""
+    """Return the law of the chosen points, and the index that selects these points from an array.
+
+    If the law is only defined for all points together, the law itself and an index of all points are returned.
+    """
     part = law.at(is_chosen)
     if part is None:
         return law, ...

@@ -17,7 +17,7 @@ def multiply(block, weights):
 
 @compiled(fastmath={"contract", "nnan", "nsz"})
 def multiply_mixing(block, n, first, count, weights, twisted, turn1, turn2):
-    """Replace the waves of the pressure in a block by the waves of the displacement, where K mixes waves.
+    """Replace the waves of the pressure in a block by the waves of the displacement, if K combines several waves.
 
     Cosine coefficients C and waves V are related by C(k) = ē V(k) + e V(N − k), with e = exp(iπk/2N), and by
     2 V(k) = e (C(k) − i C(N − k)). Multiplying C with a symbol S(k) therefore changes V to
@@ -37,9 +37,10 @@ def multiply_mixing(block, n, first, count, weights, twisted, turn1, turn2):
     weights : array
         Weights from `convolution.mixing_weights`.
     twisted : bool
-        Whether the second half of the block has the odd waves; the conjugate of the odd wave k is at N − 1 − k.
+        Whether the first half of the block has the waves with even numbers, and the second half those with odd numbers.
+        The complex conjugate of the odd wave k is the odd wave N − 1 − k.
     turn1, turn2 : array
-        e² of both axes.
+        Factors e² = exp(iπk/N) of the waves k along the first and along the second axis.
     """
     has_mirror = len(weights) > 1
     # waves N − k of a column, for the waves k of its first half
@@ -92,7 +93,7 @@ def copy_in_order(points, staged, order1, order2, first, end):
     points : array (n1, n2)
         Values in the order of the grid.
     staged : array (n1, >= n2)
-        Memory from which the rows are transformed.
+        Array to which the points are copied, and from which the rows are then transformed.
     order1, order2 : array
         Order of the rows, and order of the points in each row.
     first, end : int
@@ -122,11 +123,15 @@ def copy_back(staged, points, order1, order2, first, end):
 
 @contracted
 def copy_columns(columns, block, twist, order):
-    """Copy columns to the rows of a block, and append zeros; with a twist, also copy the columns times the twist.
+    """Copy columns to the rows of a block, in the order of the transform.
+
+    With a twist, zeros are appended to each row, and the columns times the twist are copied to the second half of the
+    rows. The transform of these rows gives the waves with odd numbers.
 
     columns : array (n1, columns), transforms of the rows of the grid.
-    block : array, one row for each column; with a twist, the second half of the rows has the columns times the twist.
-    twist : array (n1,), factors of the points that give the odd waves; empty if there are none.
+    block : array with one row for each column, or with two rows for each column if there is a twist.
+    twist : array (n1,), factors exp(−iπj/m) of the points j, where 2m is the padded length; empty if the axis has a
+        single transform.
     order : array (n1,), order of the points in the transform.
     """
     n1, count = columns.shape
@@ -148,7 +153,8 @@ def copy_columns(columns, block, twist, order):
 def copy_columns_back(columns, block, twist, order):
     """Copy the rows of a block back to columns, as the inverse of `copy_columns`.
 
-    With a twist, the second half of the rows times the conjugate of the twist is added.
+    With a twist, a point is the sum of its value in the first half of the rows and of its value in the second half
+    times the complex conjugate of the twist.
     """
     n1, count = columns.shape
     width = block.shape[0] // 2

@@ -82,8 +82,8 @@ class WorkArrays:
 
     Attributes
     ----------
-    respond : product of pressures with K, in double precision.
-    search : product of directions with K, in single precision.
+    respond : computes the displacement due to a pressure, in double precision.
+    search : computes the displacement due to a search direction, in single precision.
     """
 
     def __init__(self, unit: HalfSpace, threads: int) -> None:
@@ -119,7 +119,7 @@ class WorkArrays:
 def _kept_arrays(unit: HalfSpace, threads: int, thread: int) -> WorkArrays:
     """Make the arrays of a grid; later calls by the same thread return the same arrays.
 
-    thread : identity of the thread, which makes sure that two threads never share arrays.
+    thread : identifier of the thread. It is part of the key of the cache, so that two threads never share arrays.
     """
     return WorkArrays(unit, threads)
 
@@ -243,10 +243,10 @@ class Workspace:
 
 
 class Loops(NamedTuple):
-    """Compiled loops for one problem, with their arrays already set; comments list the remaining arguments.
+    """Compiled loops for one problem, to which the arrays have already been passed; comments list the other arguments.
 
-    respond : product of the pressure with K for a unit modulus.
-    search : product of a search direction with K for a unit modulus.
+    respond : compute the displacement due to the pressure, for a half-space of unit modulus.
+    search : compute the displacement due to a search direction, for a half-space of unit modulus.
 
     The other loops are described in `projection` and `gradient_steps`.
     """
@@ -262,7 +262,7 @@ class Loops(NamedTuple):
 
 
 def _index_map(n: int, boundary: str) -> Indices:
-    """Map each index −1 … n of a padded axis to the index of the point with the same value; −1 beyond a free end."""
+    """Map the indices −1 to n of an axis to points that have the same values; −1 beyond a free end."""
     padding: dict[str, Any] = {
         "periodic": {"mode": "wrap"},
         "mirror": {"mode": "symmetric"},
@@ -272,7 +272,7 @@ def _index_map(n: int, boundary: str) -> Indices:
 
 
 def coarsened(values: Array) -> Array:
-    """Average values (n1, n2) over 2 × 2 points; an odd last row or column is repeated before."""
+    """Average values (n1, n2) over 2 × 2 points, after repeating the last row or column if their number is odd."""
     n1, n2 = values.shape
     if n1 % 2:
         values = np.concatenate((values, values[-1:]))

@@ -1,8 +1,9 @@
 """Correct a numerical flux so that inflow and outflow of every node are equal.
 
-The excess of each node is sent to the inlet or the outlet along a spanning tree. The flux of a numerical solution is
-only conserved up to rounding errors, which matter if the permeabilities differ by many orders of magnitude. A lower
-bound of the flow by Thomson's principle requires a flux that is conserved exactly.
+The excess of a node is its inflow less its outflow. The excess of each node is sent to the inlet or the outlet along a
+spanning tree. The flux of a numerical solution is only conserved up to rounding errors, which matter if the
+permeabilities differ by many orders of magnitude. A lower bound of the flow by Thomson's principle requires a flux that
+is conserved exactly.
 """
 
 from __future__ import annotations
@@ -58,10 +59,10 @@ def balance(tail, head, width, flux, nodes):
 
 @compiled()
 def _send(tail, head, exponent, excess):
-    """Send the excess of all nodes to node 0 along a spanning tree, and return the link to the parent of each node.
+    """Send the excess of all nodes to node 0 along a spanning tree; return the link from each node to its parent.
 
     The tree consists of the widest links (Kruskal's algorithm), so that excess only passes a narrow link where there is
-    no other path. On return `excess` has the flux that each node sends through its link.
+    no other path. On return, `excess` contains the flux from each node to its parent in the tree.
     """
     nodes = excess.size
     degree, link = spanning_tree(tail, head, exponent, nodes)
@@ -92,8 +93,9 @@ def spanning_tree(tail, head, exponent, nodes):
     Returns
     -------
     degree : array (nodes,), number of tree links at each node.
-    link : array (nodes,), exclusive or of the numbers of these links. A number is removed by a further exclusive or.
-        When a single link remains at a node, the value is the number of this link.
+    link : array (nodes,), exclusive or (XOR) of the numbers of all tree links at each node. When a link is removed from
+        the tree, the exclusive or with its number removes this number from the value of both its nodes. A node with one
+        remaining link (a leaf) therefore has the number of this link as its value.
     """
     degree = np.zeros(nodes, np.int32)
     link = np.zeros(nodes, np.int32)

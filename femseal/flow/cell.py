@@ -47,8 +47,8 @@ _cubic_law = inner()(cubic_law)
 def _conductances(first, end, gap, is_ring, weights, along, across):
     """Compute the conductances of the links in rows `first` to `end` − 1.
 
-    A link of `along` is in the row of the pixel that it leads to. The links from the last row of pixels to the outlet
-    are computed together with this row.
+    Row i of `along` has the links from the pixels of row i − 1, or from the inlet, to the pixels of row i. The links
+    from the last row of pixels to the outlet are computed together with this row.
     """
     gap_on_rows(first, end, gap, False, is_ring, along, across)
     outlet = len(gap)  # row of the links to the outlet
@@ -122,8 +122,8 @@ def cell_permeability(
     law : flow law, which gives the permeability of a gap between parallel plates, such as `fluid.law`; see
         `femseal.flow.law`.
     pressure : fluid pressure [Pa], a number or an array (n1, n2), for flow laws that depend on it.
-    threads : number of threads for a grid of 512² points or more. None takes the threads that the current run leaves
-        free, or one thread if there is no run. The number of threads does not change the result.
+    threads : number of threads for a grid of 512² points or more. By default these are the threads that the current run
+        leaves free, or one thread if there is no run. The number of threads does not change the result.
 
     Returns
     -------
@@ -176,7 +176,7 @@ class CellFlow:
     Attributes
     ----------
     factor : ratio of the permeability [m³] to the conductance of `flow`.
-    flow : solution with the pressure at the pixel centres and at both ends.
+    flow : solution, with the pressure at the inlet, at the pixel centres and at the outlet.
     core_ratio : ratio of the permeability of the core to the permeability of the whole cell; 1 without overlaps.
     """
 
@@ -201,12 +201,12 @@ def cell_flow(
     field_rtol: float | None = None,
     core: tuple[int, int] | None = None,
 ) -> CellFlow:
-    """Solve the flow through a cell without the further results of `cell_permeability`, to save time for small cells.
+    """Solve the flow through a cell faster than `cell_permeability`, which computes further results.
 
     Parameters
     ----------
     gap, spacing, axis, sides, solver, rtol, field_rtol : as in `cell_permeability`.
-    core : first column of the core, and the column after its last one, counted perpendicular to the flow; None if the
+    core : columns of the core as a half-open range (first, last + 1), counted perpendicular to the flow; None if the
         core is the whole cell. See `flow.core_flux`.
 
     Returns
@@ -240,8 +240,8 @@ def cell_flow(
 def _scaled(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, Pair, float]:
     """Check a gap and divide it by its largest value.
 
-    Returns the scaled gap with the flow along its first axis, the unit spacing, and the largest gap [m], or 1 if the
-    cell is closed everywhere.
+    Returns the scaled gap, transposed if the flow is along the second axis; the scaled spacing; and the largest gap
+    [m], or 1 if the cell is closed everywhere.
     """
     h, spacing = validated_cell(gap, spacing, axis, sides)
     scale = float(h.max()) or 1.0
@@ -254,8 +254,8 @@ def pixel_dissipation(
 ) -> Array:
     """Compute the dissipation in each pixel for a flow along x1 through a cell with periodic sides.
 
-    The dissipation in a link between two pixels is shared equally by both. The dissipation in a link to an end belongs
-    to its only pixel.
+    The dissipation in a link between two pixels is shared equally by both. The dissipation in a link to the inlet or
+    the outlet belongs to its only pixel.
 
     Parameters
     ----------

@@ -43,7 +43,7 @@ def core_ratio(along: Array, flow: DarcyFlow, core: tuple[int, int]) -> float:
     ----------
     along : array (n1 + 1, n2), conductances of the links along the flow, see `Stencil`.
     flow : flow through the whole cell.
-    core : first column of the core, and the column after its last one.
+    core : columns of the core as a half-open range (first, last + 1).
     """
     first, end = core
     share = _core_flux(along, flow.potential, flow.complement, first, end)

@@ -1,12 +1,13 @@
 """Bound the error of a potential on a structured grid by means of a flux that is conserved at every node.
 
 The energy of a computed potential is an upper bound of the exact energy (Dirichlet's principle). Any conserved flux
-yields a lower bound (Thomson's principle). Here the flux of the potential is made conservative: each node sends its
-excess to the inlet or the outlet along a spanning tree of wide links. The energy of this correction bounds the error.
+yields a lower bound (Thomson's principle). Here the flux of the potential is made conservative: the excess of each
+node, its inflow less its outflow, is sent to the inlet or the outlet along a spanning tree of wide links. The energy of
+this correction bounds the error.
 
 To save time, the spanning tree does not connect nodes but *runs*. A run consists of consecutive nodes of a row; it ends
-at narrow links. A run sends its excess along its row to the node at which it is linked to its parent in the tree.
-Computing the bound takes about as long as a few multigrid iterations.
+at narrow links. The excess of a run is collected, along its row, at the node from which a link leads to the parent of
+the run in the tree. Computing the bound takes about as long as a few multigrid iterations.
 """
 
 from __future__ import annotations
@@ -140,18 +141,18 @@ def _runs(along, across):
 
 @inner()
 def _joints(along, across, run):
-    """Find the joints, that is, the links that the spanning tree may use to connect two runs.
+    """Find the joints: the links that may connect two runs in the spanning tree.
 
-    For two runs in adjacent rows this is the widest link between them. Two runs of the same row are separated by a
-    narrow link, which is a joint, too. Run 0 stands for both ends.
+    For two runs in adjacent rows this is the widest link between them. Between two adjacent runs of the same row there
+    is a narrow link, which is a joint as well. Run 0 stands for both ends.
     Link (i, j) of `along` has the number i n2 + j. Link (i, j) of `across` has the number n1 n2 + i n2 + j, where n1 is
     the number of rows of `along`.
 
     Returns
     -------
-    above, below : the two runs of each joint.
-    link : number of the link.
-    exponent : binary exponent of its conductance.
+    above, below : numbers of the two runs that each joint connects.
+    link : number of the link of each joint.
+    exponent : binary exponent of the conductance of each joint.
     """
     n1, n2 = along.shape
     most = along.size + across.size
@@ -215,10 +216,10 @@ def _correction_energy(along, across, excess):
 
 @inner()
 def _send_excess(along, across, run, first, link, excess, number):
-    """Send the excess of run `number` through a link to another run, and return the energy of this flux.
+    """Send the excess of run `number` through a link to its parent in the tree; return the energy of these fluxes.
 
     first : first node of the run.
-    link : number of the link, see `_joints`.
+    link : number of the link to the parent, as in `_joints`.
     """
     n1, n2 = along.shape
     run_of_node = run.reshape(-1)

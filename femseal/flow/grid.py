@@ -7,8 +7,8 @@ operator is a five-point stencil (`Stencil`). The conductance of a link is its p
 
 The gap is given at the pixel centres. A four-point cubic interpolates it at the middle of each link (`gap_on_links`).
 The interpolated gap is limited to between 0.1 times and 4 times the smaller of the two adjacent gaps. A link is
-therefore open if and only if both its pixels are open. It closes continuously with them, so that a barrier with a
-vanishing gap seals.
+therefore open if and only if both its pixels are open. As the gap of one of them tends to 0, the gap of the link tends
+to 0 as well, so that a barrier with a vanishing gap seals.
 
 The cubic is far below both adjacent gaps only if the gap is strongly curved at both pixels. If the second differences
 at the two pixels are very different, the larger one is reduced to at most four times the smaller one. A jump of the gap
@@ -221,7 +221,8 @@ def edge_conductances() -> Pair:
         links[[a, b], [b, a]] -= c
     if not np.allclose(matrix, links, rtol=0, atol=1e-12 * np.abs(matrix).max()):
         raise ValueError(
-            "the form does not describe a flow: it is not equivalent to one link on each edge"
+            "the form does not describe a flow: its element matrix must be that of a network with one "
+            "conductance for each edge of the element"
         )
     return float(along), float(across)
 
@@ -229,9 +230,9 @@ def edge_conductances() -> Pair:
 class LinkWeights(NamedTuple):
     """Conductances of the links of a cell for K = 1.
 
-    along : link along x1 between two pixels.
-    at_ends : link along x1 between a pixel and the inlet or the outlet.
-    across : link along x2 between two pixels.
+    along : conductance of a link along x1 between two pixels.
+    at_ends : conductance of a link along x1 between a pixel and the inlet or the outlet.
+    across : conductance of a link along x2 between two pixels.
     """
 
     along: float
@@ -240,7 +241,7 @@ class LinkWeights(NamedTuple):
 
 
 def link_weights(spacing: Pair) -> LinkWeights:
-    """Compute the conductances for K = 1 of the links of a cell with pixels of the lengths `spacing`.
+    """Compute the conductances for K = 1 of the links of a cell; `spacing` has the lengths of a pixel.
 
     scikit-fem supplies the edge conductances of a square element. The rest is geometry. An element of the size d1 × d2
     conducts d2/d1 times as much along x1 as a square. Each link is an edge of two elements, one on either side. Links
@@ -264,8 +265,9 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
 
     Returns
     -------
-    Gap on the links along the first axis, array (n1 + 1, n2) including the links to both ends, or (n1, n2) with a ring;
-    and on the links along the second axis, array (n1, n2 − 1), or (n1, n2) with a ring.
+    Gaps on the links along the first axis, and gaps on the links along the second axis. Along an axis that is a ring,
+    the array has the shape (n1, n2). Otherwise, the first array has the shape (n1 + 1, n2), including the links to
+    inlet and outlet, and the second array the shape (n1, n2 − 1).
     """
     n1, n2 = gap.shape
     on1 = np.empty((n1 if ring1 else n1 + 1, n2))
@@ -298,7 +300,7 @@ def _midway(before, a, b, after):
 
 @inner()
 def _inside(i, n, ring):
-    """Return the index of the pixel whose gap continues a periodic (`ring`) or mirrored axis at the index i."""
+    """Return the index of the pixel that has the gap at index i, if the axis is continued periodically or mirrored."""
     while i < 0 or i >= n:
         if ring:
             i %= n

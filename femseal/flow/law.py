@@ -244,8 +244,8 @@ def checked_permeability(name: str, permeability: ArrayLike, *shapes: tuple[int,
     Parameters
     ----------
     name : name of the argument for the error message.
-    permeability : a number, or an array in one of `shapes` [m³]. Numbers must be finite, and >= 0 unless the array has
-        three axes and contains tensors.
+    permeability : a number, or an array in one of `shapes` [m³]. All values must be finite. They must also be >= 0,
+        except for the components of tensors (arrays with three axes).
 
     Raises
     ------

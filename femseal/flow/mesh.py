@@ -81,9 +81,9 @@ def darcy_conductance(
     ----------
     mesh : scikit-fem MeshTri1 or MeshQuad1 with n elements, or a periodic MeshQuad1DG of rectangles.
     permeability : permeability K >= 0 in any unit: a number, one number per element (n,), principal values along x and
-        y (n, 2), or symmetric tensors (n, 2, 2). Elements with K = 0 are closed. If a tensor is closed along one
-        principal axis, its principal value there is replaced by 1e-10 of the other one, and the element only carries
-        flow across facets that are not parallel to the open axis.
+        y (n, 2), or symmetric tensors (n, 2, 2). Elements with K = 0 are closed. A tensor may be closed along one
+        principal axis: an element then only carries flow across facets that are not parallel to its open axis. For the
+        solution, the principal value 0 is replaced by 1e-10 of the other principal value.
     inlet, outlet : indices of boundary facets. Inlet and outlet must not have a vertex in common.
     bounds, solver : as in `MeshOperators.flow`.
 
@@ -107,7 +107,7 @@ def darcy_conductance(
 
 @dataclass(frozen=True, eq=False)
 class MeshSystem:
-    """Numbering of the degrees of freedom of a mesh, which are its vertices or its facets.
+    """Numbering of the degrees of freedom of a mesh: either its vertices or its facets.
 
     Attributes
     ----------
@@ -200,8 +200,8 @@ class MeshOperators:
         ----------
         tensor : array (n, 2, 2), permeability K of each element, symmetric and positive semidefinite.
         bounds : also compute bounds of the flow, for a permeability that is constant on each element. On quadrilaterals
-            that are no parallelograms they neglect quadrature errors. Open elements that only share a corner are
-            connected in the value and in the upper bound, but not in the lower bound.
+            that are not parallelograms, the bounds neglect quadrature errors. Between open elements that share only a
+            corner, fluid flows in the value and in the upper bound, but not in the lower bound.
         solver : "direct" (factorisation), "amg" (pyamg), or "auto" for the solver that is expected to be faster.
 
         Returns
@@ -353,7 +353,7 @@ class MeshOperators:
 
     @cached_property
     def _stiffness_of_axes(self) -> Array:
-        """Matrices as in `_stiffness` for rectangles with principal axes along their edges.
+        """Matrices like `_stiffness`, for rectangles whose tensors have principal axes along the edges.
 
         They are integrated at the midpoints of the edges, so that each edge is a link between two vertices.
         """
@@ -372,7 +372,7 @@ class MeshOperators:
 
     @cached_property
     def _resistance_of_axes(self) -> Array:
-        """Matrices as in `_resistance` for rectangles with principal axes along their edges.
+        """Matrices like `_resistance`, for rectangles whose tensors have principal axes along the edges.
 
         They are integrated at the corners, so that the fluxes along both axes are not coupled.
         """

@@ -61,7 +61,7 @@ def principal_values(tensor: Array) -> tuple[Array, Array]:
 
 
 def is_connected(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> bool:
-    """Return whether a mesh whose elements are all open connects inlet and outlet.
+    """Return whether inlet and outlet of a mesh are connected if all elements are open.
 
     Raises
     ------
@@ -99,9 +99,9 @@ def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
 
 
 def invertible(tensor: Array) -> Array:
-    """Make tensors (n, 2, 2) that are closed along one principal axis invertible.
+    """Make tensors (n, 2, 2) invertible if they are closed along one principal axis.
 
-    Their smaller principal value, which is about 0, is replaced by `CLOSED_AXIS` times the larger one.
+    The smaller principal value of such a tensor, which is about 0, is replaced by `CLOSED_AXIS` times the larger one.
     """
     smaller, larger = principal_values(tensor)
     half_closed = np.flatnonzero((smaller <= _CLOSED * larger) & (larger > 0))
@@ -129,7 +129,7 @@ class Connected:
     Attributes
     ----------
     carrying : numbers of the elements that are connected to two or more boundaries and can carry flow.
-    at_one_boundary : for each boundary, the numbers of the elements that are connected to no other boundary.
+    at_one_boundary : for each boundary, the numbers of the elements that are connected to this boundary only.
     is_joined : flags (boundaries,), whether each boundary is connected to another one.
     """
 

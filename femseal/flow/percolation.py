@@ -124,7 +124,7 @@ def _label_rows(begin, end, along, across, least, label, parent):
 
 @compiled()
 def _join_rows(i, along, least, label, parent):
-    """Unite the labels of row i with the labels of the row above that it is connected to."""
+    """Unite the labels of nodes in row i with the labels of connected nodes in the row above."""
     for j in range(along.shape[1]):
         if _is_open(along[i - 1, j], least):
             union(parent, label[i - 1, j], label[i, j])
@@ -132,7 +132,7 @@ def _join_rows(i, along, least, label, parent):
 
 @compiled()
 def _reached_rows(begin, end, label, parent, reached):
-    """Compute the result of `nodes_reached` for the rows `begin` to `end` − 1 from their labels."""
+    """Compute the result of `nodes_reached` in the rows `begin` to `end` − 1 from the labels of the nodes."""
     for i in range(begin, end):
         for j in range(label.shape[1]):
             reached[i, j] = _ends(parent, label[i, j])
@@ -140,7 +140,7 @@ def _reached_rows(begin, end, label, parent, reached):
 
 @inner()
 def _ends(parent, a):
-    """Return the ends that a label is connected to, coded as in `nodes_reached`.
+    """Return the ends to which the component with the label a is connected, by the numbers of `nodes_reached`.
 
     The root is found without shortening the path, so that several threads can read `parent` at the same time.
     """
@@ -186,7 +186,7 @@ def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0)
 def _restrict(begin, end, along, across, keep, first, second):
     """Close the links of nodes not marked in `keep`, in the rows `begin` to `end` − 1, and scale the other links.
 
-    Conductances are multiplied by the factors `first` and `second`, one after the other.
+    The conductances of the other links are multiplied by `first`, and then by `second`.
     """
     n2, m2 = along.shape[1], across.shape[1]
     for i in range(begin, end):
@@ -274,7 +274,7 @@ def critical_constriction(
     widths = widths[widths > 0]
 
     def is_blocked(width: float) -> bool:
-        """Return whether the links that are at least this wide do not connect inlet and outlet."""
+        """Return whether inlet and outlet are separated if only links of at least this width are open."""
         return bool(nodes_reached(h1, h2, width)[0, 0] != BOTH_ENDS)
 
     # bisection in the sorted widths: the number of widths at which a path exists

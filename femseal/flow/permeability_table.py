@@ -63,16 +63,17 @@ class PermeabilityTable:
     Parameters
     ----------
     pressures : m different pressures [Pa], such as those of `table_pressures`. They are > 0, or >= 0 with `piecewise`.
-    values : permeability at these pressures [m³]. The first axis has m entries, each of which is a permeability that
-        `seal_leakage` accepts, for example with the shape (m,), (m, n_elements) or (m, n_elements, 2), but not tensors.
-    piecewise : how the permeability is interpolated. If false, ln k is a single polynomial in ln p, and an element that
-        is closed at one of the pressures counts as closed. If true, ln k is linear between adjacent pressures; where
-        an element is closed at one of both, k itself is linear.
+    values : permeability at these pressures [m³]. The first axis has one entry for each of the m pressures. Each entry
+        is a permeability that `seal_leakage` accepts, except for tensors. Possible shapes are, for example, (m,), (m,
+        n_elements) and (m, n_elements, 2).
+    piecewise : whether to interpolate linearly between adjacent pressures. If false, ln k is a single polynomial in ln
+        p, and an element that is closed at any of the pressures counts as closed. If true, ln k is linear between
+        adjacent pressures; if an element is closed at exactly one of the two, k itself is linear.
 
     Raises
     ------
-    InputError : the pressures are not different, negative, or 0 without `piecewise`; or the values are negative or
-        undefined or do not match the pressures.
+    InputError : two pressures are equal, or a pressure is negative, or it is 0 without `piecewise`; or a value is
+        negative or undefined, or the number of values is not that of the pressures.
 
     Examples
     --------
@@ -163,13 +164,13 @@ class PressureCurve:
             self._fit_polynomials(k)
 
     def _keep_values(self, k: Array) -> None:
-        """Prepare the interpolation of ln k between adjacent pressures, from k (pressure, element) [m³]."""
+        """Store ln k for the interpolation between pressures; k is the permeability (pressure, element) [m³]."""
         with np.errstate(divide="ignore"):
             self._log_k = np.log(k)
         self._is_open = (k > 0).any(axis=0)
 
     def _fit_polynomials(self, k: Array) -> None:
-        """Fit, for each element, a Chebyshev polynomial of ln k in ln p through all pressures (pressure, element)."""
+        """Fit a polynomial of ln k in ln p for each element, through the values k (pressure, element) [m³]."""
         self._is_open = (k > 0).all(axis=0)
         self._range = np.log(self._knots[[0, -1]])
         t = self._scaled(np.log(self._knots))
@@ -185,7 +186,7 @@ class PressureCurve:
         return (2 * x - self._range.sum()) / np.ptp(self._range)
 
     def mean_between(self, first: Array, second: Array, mobility: Mobility) -> Array:
-        """Compute the mean permeability ∫ k dφ/∫ dψ of each element between two pressures > 0.
+        """Compute the mean permeability ∫ k dφ/∫ dψ of each element between two pressures, which are > 0.
 
         For a piecewise table and a constant mobility the mean is exact. Otherwise it is computed by Gauss quadrature.
 
@@ -223,10 +224,10 @@ class PressureCurve:
     def _between_knots(self, p: Array, after: Any, elements: Indices) -> tuple[Array, Any]:
         """Interpolate ln k of some elements between two adjacent tabulated pressures.
 
-        Beyond both pressures ln k is constant. Also returned are flags of the elements that are closed at one of both
-        pressures, for which k itself is interpolated linearly.
+        Outside the range between the two pressures, ln k is constant. If an element is closed at exactly one of the two
+        pressures, k itself is interpolated linearly; flags of these elements are also returned.
 
-        after : number of the higher one of the two tabulated pressures.
+        after : index of the higher of the two pressures in the table.
         """
         low, high = self._knots[after - 1], self._knots[after]
         weight = np.clip((p - low) / (high - low), 0.0, 1.0)
@@ -273,8 +274,7 @@ class Mobility:
     ----------
     pressures : increasing pressures [Pa].
     viscous : dφ/dp of the viscous potential φ at these pressures.
-    reference : dψ/dp at these pressures, with the potential ψ of the reference gap in which the flow is solved, see
-        `flow.pressure_drop`.
+    reference : dψ/dp of the potential ψ of the reference gap at these pressures, see `flow.pressure_drop`.
     """
 
     pressures: Array

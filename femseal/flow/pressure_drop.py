@@ -36,7 +36,8 @@ _LEAST_GAP = 1e-12
 class FlowingFluid(Protocol):
     """Properties of a fluid that determine its flow through gaps.
 
-    These are its pressure potential and, unless it is the cubic law, its flow law as an attribute `law`.
+    These are the pressure potential of the fluid, and its flow law. A fluid without the attribute `law` follows the
+    cubic law.
     """
 
     def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
@@ -55,7 +56,7 @@ class _UnitFluid:
     law: FlowLaw = CUBIC_LAW
 
     def potential(self, pressure: ArrayLike) -> Array:
-        """Return the pressure itself as an array."""
+        """Return the pressure, which is also the potential, as an array."""
         return np.asarray(pressure, dtype=float)
 
     pressure = potential
@@ -122,7 +123,7 @@ class PressureDrop:
     def pressures(self) -> Array:
         """Pressures [Pa] at which permeabilities are needed, beginning with the highest.
 
-        If the flow law does not depend on the pressure, this is only the inlet pressure.
+        If the flow law does not depend on the pressure, only the inlet pressure is returned.
         """
         if not self.law.depends_on_pressure:
             return np.array([self.inlet])
@@ -135,20 +136,20 @@ class PressureDrop:
         solve: Callable[[Array], tuple[float, Array, FaceSolution]],
         rtol: float,
     ) -> tuple[FaceSolution, PressureDrop]:
-        """Solve the flow through a face that is periodic along x2, with the permeability at the pressures in the face.
+        """Solve the flow through a face that is periodic along x2; the permeability depends on the local pressure.
 
         Parameters
         ----------
         gap : array (n1, n2), gap [m].
         spacing : lengths of a pixel [m].
-        solve : callable that solves the flow through a gap [m] by the cubic law, and returns the permeability, the
-            potential at the pixels and its complete solution.
+        solve : callable that solves the flow through a gap [m] by the cubic law. It returns the permeability, the
+            potential at the pixels, and a solution with any further results.
         rtol : relative error at which the fixed-point iteration stops, if the law depends on the pressure.
 
         Returns
         -------
-        Complete solution of the last call of `solve`, and the pressure drop to which the fractions in its potential
-        refer. The permeability has to be multiplied by the `mean_factor` of this pressure drop.
+        Solution of the last call of `solve`, and the pressure drop of the face. The potential in the solution is a
+        fraction of this pressure drop. The permeability has to be multiplied by the `mean_factor` of the pressure drop.
 
         Raises
         ------
@@ -168,10 +169,10 @@ class PressureDrop:
         return solved.solution, drop
 
     def at_constriction(self, gap: Array, spacing: tuple[float, float]) -> PressureDrop:
-        """Return the same pressure drop with the gap at the critical constriction of a face as its reference gap.
+        """Return this pressure drop with another reference gap: the gap at the critical constriction of a face.
 
-        The face, with the gap (n1, n2) [m], is periodic along x2. For a closed face the unit drop of a viscous fluid is
-        returned.
+        The face, with the gap (n1, n2) [m], is periodic along x2. If the face is closed, a unit potential drop of a
+        viscous fluid is returned.
         """
         if not self.law.depends_on_pressure:
             return self
@@ -215,9 +216,9 @@ class PressureDrop:
 
     @property
     def least_pressure(self) -> float:
-        """Pressure [Pa] that replaces all lower ones in F, because F may be infinite at a pressure of 0.
+        """Smallest pressure [Pa] at which F is computed, because F may be infinite at a pressure of 0.
 
-        Ratios of F at different gaps tend to a limit at low pressure, so that the exact value does not matter.
+        The exact value does not matter, because the ratio of F at two gaps tends to a limit as the pressure tends to 0.
         """
         return _LEAST_PRESSURE * max(self.inlet, self.outlet)
 
@@ -234,8 +235,9 @@ class PressureDrop:
     def mean_factor_of(self, gap: float) -> float:
         """Compute the ratio of the flow between parallel plates to the viscous flow, for a gap >= 0 [m].
 
-        It is the mean ∫F dφ/Δφ of F(h, p) over the viscous potential, and NaN for an undefined gap. It is finite even
-        if the outlet is a vacuum, where F itself is infinite, so that a mean of F at inlet and outlet would be useless.
+        It is the mean of F(h, p) over the viscous potential, ∫F dφ/Δφ; for an undefined gap it is NaN. It is finite
+        even if the outlet is a vacuum, where F itself is infinite, so that a mean of F at inlet and outlet would be
+        useless.
         """
         return replace(self, gap=max(gap, _LEAST_GAP)).mean_factor
 
@@ -268,7 +270,8 @@ class PressureDrop:
         """Compute the gap [m] whose permeability by the cubic law is (h³/12) F(h, p)/F(h₀, p).
 
         gap : array (n1, n2), gap h [m].
-        fraction : fraction of the drop of ψ at the pixels, which gives the pressure p; NaN counts as 0.5.
+        fraction : potential ψ at the pixels as a fraction of its drop, from which the pressure p follows. NaN is
+            replaced by 0.5.
         """
         p = self.pressure(np.nan_to_num(reals(fraction), nan=0.5))
         p = np.maximum(p, self.least_pressure)

@@ -60,7 +60,7 @@ def validated_gap(gap: ArrayLike, spacing: Lengths) -> tuple[Array, Pair]:
 
 
 def validated_cell(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, Pair]:
-    """Check the input of a cell, and return gap and spacing with the flow along the first axis.
+    """Check the input of a cell; return gap and spacing, transposed if the flow is along the second axis.
 
     Raises
     ------
@@ -76,7 +76,8 @@ def validated_cell(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> t
 def unit_spacing(spacing: Pair) -> Pair:
     """Divide a spacing by a power of two near its larger length.
 
-    The flow only depends on the ratio of the lengths, which a division by a power of two does not change in any digit.
+    The flow depends only on the ratio of the two lengths. A division by a power of two causes no rounding error, so
+    that this ratio remains exactly the same.
 
     >>> unit_spacing((3e-6, 1.5e-6))
     (1.572864, 0.786432)

@@ -6,9 +6,10 @@ Two solutions enclose the exact flow:
 
 - *corners*: continuous pressures, with unknowns at the corners of the rectangles. Bilinear elements, integrated at the
   midpoints of their edges, have the same energy as linear elements on right triangles. Their flow is an upper bound.
-- *centres*: continuous fluxes, with unknown pressures at the centres of the rectangles. Half a rectangle conducts from
-  its centre to the middle of each side, so that a link between two centres has the harmonic mean of both conductances.
-  This is equivalent to lowest-order Raviart-Thomas fluxes, integrated at the corners. Their flow is a lower bound.
+- *centres*: continuous fluxes, with unknown pressures at the centres of the rectangles. A link between two centres
+  consists of half of each rectangle in series, so that its conductance is the harmonic mean of the conductances of the
+  two rectangles. This is equivalent to lowest-order Raviart-Thomas fluxes, integrated at the corners. Their flow is a
+  lower bound.
 
 The value is √(lower × upper). The two networks are duals of each other. If the distribution of ln k is symmetric, their
 errors in ln Q are therefore equal and opposite. Both networks are five-point stencils, which multigrid and elimination
@@ -50,7 +51,7 @@ _ROUNDING = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Rectangles:
-    """Rectangles in rows from the inlet to the outlet and in equal columns, periodic along x2.
+    """Grid of rectangles, with rows from the inlet to the outlet and columns of equal width, periodic along x2.
 
     The rectangles are numbered row by row, beginning at the inlet.
 

@@ -3,12 +3,13 @@
 After one turn around the seal, over the circumference C, a groove has moved along x1 by the lead and takes the position
 of another groove. A face that covers a full turn therefore satisfies p(x1, x2 + C) = p(x1 + lead, x2).
 
-A face of the length L2 < C represents the full turn if the pressure in a groove drops over its length by the fraction
-w = L2/C of the drop in a full turn. The flux through the seam, from the last column of the face to the first one, is
-its conductance times p(x1, L2) − p(x1, 0) + w (P − P₊). P is the mean of p(·, 0) over the groove, and P₊ its mean over
-the groove that lies one lead further along x1. With this condition the energy remains symmetric, and the fraction w of
-the flux that leaves a groove enters the next one. If the lands between the grooves are closed, the permeability is
-k22 tan²α with tan α = lead/C. Grooves begin at the inlet and end at the outlet.
+A face may also cover only a part of a turn, L2 < C. It represents the full turn if the pressure drop along a groove in
+the face is the fraction w = L2/C of the drop along a full turn. The flux through the seam, from the last column of the
+face to the first one, is its conductance times p(x1, L2) − p(x1, 0) + w (P − P₊). P is the mean of p(·, 0) over the
+groove, and P₊ its mean over the groove that lies one lead further along x1. With this condition the system remains
+symmetric. Of the flux that leaves a groove over the seam, the fraction w enters the next groove. If the lands between
+the grooves are closed, the permeability is k22 tan²α with tan α = lead/C. Grooves begin at the inlet and end at the
+outlet.
 
 Source: Geoffroy & Prat, J. Fluids Eng. 126, 2004, 48.
 """
@@ -47,7 +48,8 @@ class _SeamLink(NamedTuple):
     """A link over the seam, from the last column of a face to the first one.
 
     conductance : conductance of the link.
-    weights : weight of each node, by its number, in the potential drop over the link.
+    weights : coefficients of the potential drop over the link: the number of each node, and the factor of its
+        potential.
     """
 
     conductance: float
@@ -211,7 +213,7 @@ def _links_of_partial_turn(
 ) -> list[_SeamLink]:
     """Make the links over the seam of a face that covers the fraction `weight` of a turn.
 
-    cut : network of the face without links over the seam.
+    cut : network of the face, which is cut at the seam: it has no links from the last column to the first one.
     conductance : array (n1,), conductance of each row of the seam without a lead.
     """
     n1 = conductance.size
@@ -255,11 +257,12 @@ def _grooves(conductance: Array, shift: int) -> list[Indices]:
 
 
 def _drop_to_next_groove(rows: Indices, conductance: Array, label: Indices, shift: int) -> Array:
-    """Compute the weights (n1 + 1,) of the rows and of the outlet that give the mean drop P − P₊ to the next groove.
+    """Compute the mean drop P − P₊ from a groove to the next one, as factors (n1 + 1,) of the pressures in column 0.
 
-    The drop is the same for all rows of a groove; otherwise fluid would circulate between them. The next groove is the
-    connected component that has the largest conductance at the seam one lead further along x1. If the seam is closed
-    there, the groove has no continuation, and all weights are 0.
+    The drop is the same for all rows of a groove; otherwise fluid would circulate between them. The last factor is that
+    of the outlet. The next groove lies one lead further along x1. If several connected components reach the seam there,
+    the one with the largest conductance is taken. If the seam is closed there, the groove has no continuation, and all
+    factors are 0.
 
     rows : rows of the groove.
     conductance : array (n1,), conductance of each row of the seam.

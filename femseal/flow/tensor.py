@@ -133,7 +133,7 @@ def _solve_corrections(
 
     label : array (nodes,), component of each node.
     carries_flow : flags (n1, n2) of the nodes that carry flow.
-    closed : flags (2,) of the axes without a flow.
+    closed : flags (2,) of the axes along which nothing flows.
     """
     size = carries_flow.size
     both_axes = stencil.links()
@@ -183,8 +183,9 @@ def _percolating_components(c1: Array, c2: Array) -> _Components:
     """Find the connected components of a doubly periodic network, and the axes along which each of them percolates.
 
     A component percolates along an axis if it contains a closed loop that crosses the periodic boundary of this axis,
-    counted with the direction of each crossing. The path to a node along a spanning tree has a number of crossings. A
-    link closes such a loop if the numbers at its two nodes do not differ by the crossings of the link itself.
+    where crossings in opposite directions cancel. To find such loops, the crossings on the path from the root of a
+    spanning tree to each node are counted. A link closes such a loop unless the counts at its two nodes differ by
+    exactly the crossings of the link itself.
 
     c1, c2 : arrays (n1, n2), conductances from node (i, j) to the nodes (i + 1, j) and (i, j + 1), periodic.
     """
@@ -224,7 +225,7 @@ def _first_nodes(label: Indices) -> Indices:
 
 
 def _crossings_from_roots(links: _PeriodicLinks, roots: Indices, n: int) -> Indices:
-    """Count how often the path along a spanning tree from its root to each node crosses both periodic boundaries.
+    """Count how often the path from the root of a spanning tree to each node crosses each periodic boundary.
 
     Parameters
     ----------
@@ -234,7 +235,7 @@ def _crossings_from_roots(links: _PeriodicLinks, roots: Indices, n: int) -> Indi
 
     Returns
     -------
-    Array (n + 1, 2), number of crossings of the boundary of each axis, negative in the opposite direction.
+    Array (n + 1, 2), number of crossings of the boundary of each axis. Crossings in the negative direction count as −1.
     """
     # an additional node n is linked to the roots, so that a single search finds the trees of all components
     i = np.concatenate([links.start, np.full(roots.size, n)])

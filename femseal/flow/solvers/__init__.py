@@ -1,1 +1,1 @@
-"""Linear solvers of the flow: multigrid on the grid, elimination, pyamg and a sparse factorisation; and the choice."""
+"""Solve the linear systems of the flow: multigrid, elimination, pyamg, sparse factorisation, and a choice of them."""

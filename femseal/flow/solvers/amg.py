@@ -2,8 +2,8 @@
 
 Ruge–Stüben multigrid is the preconditioner. Its interpolation preserves constants if the rows of the matrix sum to
 zero. For this reason the matrix is not scaled to unit diagonal: the rows of the scaled matrix do not sum to zero, and
-with strongly varying permeabilities the iteration would take ten times as long or diverge. The second pass of the
-coarsening is needed for the same reason. Some elements have positive couplings; only negative ones count as strong.
+with strongly varying permeabilities the iteration would take ten times as long or diverge. For the same reason, the
+coarsening has a second pass. Some elements have positive couplings; only negative ones count as strong.
 
 Sources: Ruge & Stüben, in McCormick (ed.), Multigrid Methods, SIAM 1987, ch. 4; Bell, Olson, Schroder & Southworth,
 J. Open Source Softw. 8, 2023, 5495 (pyamg).
@@ -50,10 +50,11 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
     ----------
     matrix : sparse matrix A (n, n), symmetric and positive semidefinite. A row may be zero if its entry of b is 0, too.
     rhs : right-hand sides b, array (n,) or (n, m).
-    rtol : largest relative error of x in the energy norm. The relative error of the energy, and of the flow for a unit
-        drop, is the square of it.
-    unit_drop : whether x is a potential between 0 and 1 for a unit drop, and b contains the conductances to the end
-        with the potential 1. The energy is then the flow Σb − b·x; otherwise it is b·x.
+    rtol : largest relative error of x in the energy norm. The relative error of the energy is the square of this error;
+        for a unit drop, this is also the relative error of the flow.
+    unit_drop : whether the system describes a flow for a unit potential drop. In this case x is a potential between 0
+        and 1, b contains the conductances to the end with the potential 1, and the energy is the flow Σb − b·x.
+        Otherwise the energy is b·x.
 
     Returns
     -------
@@ -69,7 +70,8 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
     diagonal = a.diagonal()
     if np.any(rhs[diagonal == 0]):
         raise NotConverged(
-            "flow: a node without links is given a flow; leave such nodes out", np.inf
+            "flow: the right-hand side is not 0 at a node without links; leave such nodes out",
+            np.inf,
         )
     # rows that have more entries than the diagonal; the others are solved by a division
     linked = np.flatnonzero(np.diff(a.indptr) > (diagonal != 0))
@@ -159,7 +161,7 @@ class _System:
             if error <= max(_CONFIRMED * rtol, _LEAST_ERROR) and is_balanced:
                 return LinearSolution(x, complement, iterations, float(error), "amg", remainder)
         raise NotConverged(
-            f"flow: the potential has an error of {error:.1e}, wanted is {rtol:.1e}", float(error)
+            f"flow: the potential has an error of {error:.1e}, wanted {rtol:.1e}", float(error)
         )
 
     def _apply(self, sums: Array, x: Array) -> Array:
@@ -172,7 +174,7 @@ class _System:
     ) -> tuple[Array, int]:
         """Solve A y = r by preconditioned conjugate gradients; return y and the number of iterations.
 
-        start : present value of x, to which y is a correction.
+        start : present value of x; y is added to it.
         """
         a = self.matrix
         correction = np.zeros_like(r)

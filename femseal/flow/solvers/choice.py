@@ -174,7 +174,7 @@ def _suits_multigrid(stencil: Stencil, nodes: int) -> bool:
 def _roughness(along, step):
     """Compute the mean difference of ln c of neighbouring links in every `step`-th row.
 
-    A pair of an open and a closed link counts as `_CLOSED`.
+    If only one of two neighbouring links is open, `_CLOSED` takes the place of their difference.
     """
     total, pairs = 0.0, 1  # one additional pair avoids a division by 0
     for i in range(0, along.shape[0], step):
@@ -226,9 +226,9 @@ def _solve_by_multigrid(
 ) -> DarcyFlow:
     """Solve by multigrid, and then by elimination at the nodes that are only connected by very narrow links.
 
-    Multigrid drops links whose conductance is lost to rounding when it is added to that of others. The flow without
-    these links is a lower bound of the flow (Rayleigh's principle), and the energy of any potential on all links is an
-    upper bound (Dirichlet's principle). The difference between both bounds is a bound of the error.
+    Multigrid leaves out links that are so narrow that rounding removes them from a sum of conductances. The flow
+    without these links is a lower bound of the flow (Rayleigh's principle). The energy of any potential on all links is
+    an upper bound (Dirichlet's principle). The error is at most the difference between the two bounds.
 
     limit : largest number of iterations.
     bounded_from : number of iterations from which on the error is bounded, see `solve_multigrid`.
@@ -258,7 +258,8 @@ def _solve_by_multigrid(
     bound_gap = 1 - lower_bound / flow.conductance
     if not bound_gap <= rtol:
         raise NotConverged(
-            f"flow: error up to {bound_gap:.1e} of the rate by links too narrow for multigrid, wanted {rtol:.1e}; "
+            f"flow: links that are too narrow for multigrid may change the flow rate by {bound_gap:.1e} of its value, "
+            f"wanted {rtol:.1e}; "
             "try the solver 'elimination'",
             bound_gap,
         )
@@ -270,8 +271,9 @@ def _isolated_nodes(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags 
 
     Returns
     -------
-    isolated : flags (n1 − 1, n2) of such inner nodes, which wide links connect to neither end.
-    through : flags (n1 + 1, n2) of the nodes that are connected to both ends by links that are not lost by rounding.
+    isolated : flags (n1 − 1, n2) of these inner nodes. They are connected to both ends, but no path of wide links leads
+        to either of them.
+    through : flags (n1 + 1, n2) of the nodes that remain connected to both ends if links below `_RESOLVED` are closed.
     Both are None if there are no isolated nodes.
     """
     along, across = stencil.along, stencil.across
@@ -311,7 +313,7 @@ def _check_balance(
 
     Raises
     ------
-    NotConverged : inlet and outlet flow differ by more.
+    NotConverged : inlet and outlet flow differ by more than `allowed`.
     """
     φ, ψ = potentials
     # the energy is a sum of positive terms and therefore more accurate than a sum of flows

@@ -99,9 +99,9 @@ def solve_direct(
     matrix : sparse matrix A (n, n), symmetric and positive definite.
     rhs : right-hand side b, array (n,), or (n, m) without `ends`.
     largest_residual : largest accepted value of ‖b − Ax‖/‖b‖ for the scaled system.
-    ends : boundaries of a flow problem, if the system is one. Then b must be the sum over the boundaries of potential
-        times conductances. The solution is corrected to full accuracy, even if the permeabilities differ by orders of
-        magnitude.
+    ends : boundaries with prescribed potentials, if the system describes a flow between them. The right-hand side b
+        must then be `ends.potentials @ ends.conductances`. The solution is corrected to full accuracy, even if the
+        permeabilities differ by orders of magnitude.
 
     Raises
     ------

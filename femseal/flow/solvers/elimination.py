@@ -39,7 +39,8 @@ def eliminate(stencil: Stencil, unknown: Flags, φ: Array, ψ: Array) -> float:
     ----------
     stencil : conductances of all links.
     unknown : flags (n1 − 1, n2) of the inner nodes to solve for. Each must be connected to a node of known potential.
-    φ, ψ : arrays (n1 + 1, n2), potential and 1 − potential. The values of the unknown nodes are written to them.
+    φ, ψ : arrays (n1 + 1, n2), potential and 1 − potential. The solution is written to the unknown nodes of both
+        arrays.
 
     Returns
     -------
@@ -59,7 +60,8 @@ def _list_links(order, along, across, φ):
 
     Parameters
     ----------
-    order : array (n,), numbers of the nodes (row · n2 + column) in the order of elimination. A place is an index of it.
+    order : array (n,), numbers of the nodes (row · n2 + column) in the order of elimination. The place of a node is its
+        index in this array.
     along : array (n1, n2), conductance between the nodes (i, j) and (i + 1, j). The nodes have n1 + 1 rows; row 0 is at
         the inlet and row n1 at the outlet.
     across : array (n1 − 1, m2), conductance between the nodes (i + 1, j) and (i + 1, j + 1). m2 is n2 on a ring, where
@@ -69,8 +71,8 @@ def _list_links(order, along, across, φ):
     Returns
     -------
     later : array (n, 6), places of the nodes that are eliminated later. n stands for the inlet, n + 1 for the outlet.
-    conductance : array (n, 6), conductances of these links. A node has up to four neighbours and two ends; a
-        conductance of 0 marks the end of its list.
+    conductance : array (n, 6), conductances of these links. A node has at most six links: to four neighbours and to
+        both ends. Unused entries at the end of a row have the conductance 0.
     """
     n, n2, m2 = order.size, along.shape[1], across.shape[1]
     # place of each node; −1 for nodes of known potential, which have none
@@ -115,14 +117,13 @@ def _nested_dissection(unknown, ring):
     """Order the nodes by nested dissection.
 
     Each box is divided by a row or column near its middle, the one with the fewest nodes. Only the nodes of this cut,
-    which form a front, connect both halves of the box. They are eliminated after the fronts of both halves, of which
-    the second half comes first. What remains of a front after elimination is added to its parent, the front of the next
-    larger box.
+    which form a front, connect both halves of the box. They are eliminated last, after all fronts of both halves. What
+    remains of a front after elimination is added to its parent, the front of the next larger box.
 
     Returns
     -------
     order : array (n,), numbers of the nodes (row · n2 + column) in the order of elimination.
-    first : array (fronts + 1,), first place of each front, and n.
+    first : array (fronts + 1,), place of the first node of each front; the last entry is n.
     parent : array (fronts,), parent of each front.
     """
     n1, n2 = unknown.shape
@@ -188,10 +189,12 @@ def _nested_dissection(unknown, ring):
 def _thinnest_line(nodes, a, b, c, d):
     """Find the line with the fewest nodes in the middle third of a box, and the number of its nodes.
 
-    Of several such lines the one nearest to the middle is taken. Lines are rows, or columns if `nodes` is transposed.
+    Of several such lines the one nearest to the middle is taken. The lines are rows. To examine columns, pass the
+    transpose of `nodes`.
 
-    a, b : first line and end of the lines of the box.
-    c, d : first position and end of the positions along the lines.
+    nodes : array of counts: nodes[i, j] is the number of nodes in the first i lines, at the first j positions.
+    first, end : the lines of the box are `first` to `end` − 1.
+    left, right : the positions of the box along each line are `left` to `right` − 1.
     """
     middle = (a + b) // 2
     best, fewest = middle, 1 << 60
@@ -207,11 +210,12 @@ def _thinnest_line(nodes, a, b, c, d):
 
 @compiled(**_fast)
 def _eliminate_fronts(first, parent, later, conductance):
-    """Eliminate all nodes; return the conductance between inlet and outlet, and both results of `_potentials`.
+    """Eliminate all nodes; return the conductance between inlet and outlet, and the two potentials of `_potentials`.
 
-    A front has p nodes and a border of q later places, to which its nodes are linked. The array `front` (p, p + q) has
-    the links from the nodes of the front to each other and to the border; `fill_in` (q, q) has the links within the
-    border that elimination creates. They are added to the parent of the front.
+    A front has p nodes. Its border consists of the q nodes with later places to which the nodes of the front are
+    linked. The array `front` (p, p + q) has the links from the nodes of the front to each other and to the border;
+    `fill_in` (q, q) has the links within the border that elimination creates. They are added to the parent of the
+    front.
     """
     n, fronts = len(later), parent.size
     # for each node, 1 over the sum of its conductances at the time of its elimination
@@ -287,7 +291,8 @@ def _eliminate_fronts(first, parent, later, conductance):
 def _eliminate_front(front, fill_in, inverse):
     """Eliminate the nodes of a front, and add the new links within its border to `fill_in`.
 
-    Only links to later places are stored, that is, the upper triangles of both arrays.
+    Each link is stored only once, in the row of the node that is eliminated first. Both arrays are therefore upper
+    triangular.
 
     inverse : array (p,), to which 1 over the sum of the conductances of each node is written.
     """
@@ -319,7 +324,7 @@ def _eliminate_front(front, fill_in, inverse):
 
 @inner(**_fast)
 def _potentials(first, rows, borders, inverse):
-    """Compute the potentials at all places, v for 1 at the inlet and w for 1 at the outlet, with 0 at the other end.
+    """Compute two potentials at all places: v for 1 at the inlet, w for 1 at the outlet, and 0 at the other end.
 
     In reverse order of elimination, the potential of a node is the weighted mean of the potentials of the neighbours
     that it had when it was eliminated.

@@ -67,7 +67,8 @@ class Coarsest(NamedTuple):
     """The coarsest level, whose nodes are eliminated.
 
     number : array (n1, n2), position of each node in the order of elimination.
-    band : array (≥ n, width), conductances between each node and the next `width` nodes when it was eliminated.
+    band : array (≥ n, width), conductances of the links from each node to the next `width` nodes, at the time when the
+        node is eliminated.
     inverse : array (n,), 1 over the sum of these conductances, including the conductance to the ends; 0 if there are
         none.
     """
@@ -183,7 +184,7 @@ def wrap_row(row):
 
 @by_rows(**REORDERED)
 def _five_point_operator(first, end, centre, right, below, along, across, ring):
-    """Compute the fields of a five-point operator, which have a border, in the rows `first` to `end` − 1.
+    """Fill the rows `first` to `end` − 1 of `centre`, `right` and `below`, which have a border of one node.
 
     The conductances `along` and `across` of the stencil have no border. Row i of the fields is row i − 1 of `across`.
     The links above and below it are the rows i − 1 and i of `along`.
@@ -211,7 +212,10 @@ def _fraction(part, total):
 
 @by_rows(**REORDERED)
 def _weights_in_coarse_rows(first, end, w, operator, is_nine_point, ring):
-    """Compute the weights w of coarse nodes in their own row: at the node itself (1) and at the nodes beside it.
+    """Compute the interpolation weights w in the fine rows that contain coarse nodes.
+
+    The weight of a coarse node is 1 at the node itself. Between two coarse nodes, the weights of both follow from the
+    conductances on either side.
 
     w : array (row, column, 3, 3), as in `Level.weights`. The last two axes are the row and the column of the fine node
         relative to the coarse node, from 0 to 2.
@@ -243,9 +247,9 @@ def _weights_in_coarse_rows(first, end, w, operator, is_nine_point, ring):
 
 @by_rows(**REORDERED)
 def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
-    """Compute the weights of coarse nodes in the fine rows between coarse rows.
+    """Compute the interpolation weights w in the fine rows between two rows with coarse nodes.
 
-    They depend on the weights that `_weights_in_coarse_rows` has computed before. Parameters are the same.
+    They depend on the weights that `_weights_in_coarse_rows` has computed before. The parameters are the same.
     """
     centre, right, below, below_right, below_left = operator
     n1 = centre.shape[0] - 2
@@ -294,7 +298,10 @@ def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
 
 @inner(**REORDERED)
 def _wrap_weights(w, i, a):
-    """Continue the weights of coarse row i of a ring periodically, at the fine row a relative to the coarse nodes."""
+    """Copy the weights of the coarse nodes in row i of a ring to the border at the opposite side.
+
+    a : fine row of the weights, relative to the coarse nodes: above (0), the same (1) or below (2).
+    """
     m2 = w.shape[1] - 2
     for b in range(3):
         w[i, 0, a, b] = w[i, m2, a, b]

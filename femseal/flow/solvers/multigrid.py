@@ -1,9 +1,9 @@
 """Solve the flow by conjugate gradients, preconditioned by multigrid on the structured grid.
 
 Potential and residual are stored in double precision, and the operator is applied to differences of the potential. The
-multigrid cycle and the search directions are in single precision; the residual is updated with exactly the directions
-that are used, so that this causes no error. The cycle has one sweep of damped Jacobi before and one after the coarser
-grid. The rows of large levels are divided between threads.
+multigrid cycle and the search directions are in single precision; the residual is updated with the same rounded
+directions as the potential, so that this rounding causes no error. The cycle has one sweep of damped Jacobi before and
+one after the coarser grid. The rows of large levels are divided between threads.
 """
 
 from __future__ import annotations
@@ -85,9 +85,9 @@ def solve_multigrid(
     rtol : largest relative error of the flow rate Σ c (Δφ)².
     limit : largest number of iterations.
     ignored : flags (n1 − 1, n2) of inner nodes whose potential need not be accurate; by default there are none.
-    field_rtol : largest relative error of φ in the energy norm, if φ itself has to be accurate. At each node that is
-        not ignored, the estimate M⁻¹r of the error must then also be less than 10 times this number. Here M is the
-        multigrid cycle, and r the residual.
+    field_rtol : largest relative error of φ in the energy norm, if φ itself has to be accurate. The estimate M⁻¹r of
+        the error must then also be smaller than 10 `field_rtol` at each node that is not ignored, where M⁻¹ is the
+        multigrid cycle and r the residual.
     bounded_from : number of iterations from which on the error is bounded.
 
     Raises
@@ -130,7 +130,7 @@ def solve_multigrid(
 
 
 class _Settings(NamedTuple):
-    """Arguments of `solve_multigrid`; `field` is `field_rtol`, or infinite if only the rate has to be accurate."""
+    """Arguments of `solve_multigrid`; `field` is `field_rtol`, or infinity if only the flow rate has to be accurate."""
 
     rtol: float
     field: float
@@ -213,8 +213,8 @@ def _judge(iteration, state, history, share, settings):
 
     state : rᵀM⁻¹r, largest correction, difference between inlet and outlet flow, and flow rate.
     history : array (3, limit + 1) with the values of each iteration: rᵀM⁻¹r, the step length, and the ratio β of the
-        conjugate gradients. The value of rᵀM⁻¹r at `iteration` is stored here.
-    share : fraction of the tolerance at which the iteration stops if the error is then bounded.
+        conjugate gradients. This function stores rᵀM⁻¹r of this iteration in it.
+    share : the iteration stops at this fraction of the tolerance, if the error is bounded afterwards.
 
     Returns the error, whether the iteration has converged, and whether it would need more than `limit` iterations.
     """
@@ -291,7 +291,7 @@ def cycle(levels, coarsest, ring):
 
 @by_rows(**REORDERED)
 def _first_sweep(first, end, x, b, inverse, ring):
-    """Perform the first sweep of damped Jacobi, which begins with zero, on some rows."""
+    """Perform the first sweep of damped Jacobi on some rows, starting from x = 0."""
     for i in range(first, end):
         for j in range(1, b.shape[1] - 1):
             x[i, j] = _DAMPING * b[i, j] * inverse[i, j]
@@ -425,8 +425,9 @@ def _update_solution(first, end, x, others, network, steps, sums):
     """Perform the step x += step p, r −= step A p on some rows, and compute b = r / scale.
 
     The sums of r and of r x of each row are written to `sums`. Added up over all rows, they are the difference between
-    inlet and outlet flow, and the difference between the flow and the energy. A p is computed here again instead of
-    being stored, because memory limits the size of surfaces.
+    inlet and outlet flow, and the difference between the flow and the energy. The product A p was already computed by
+    `_sum_curvature`. It is computed a second time here instead of being stored, because memory limits the size of
+    surfaces.
 
     others : residual r, right-hand side b of the next cycle, and search direction p.
     steps : step length, and scale.
@@ -475,7 +476,7 @@ def _sum_products(first, end, z, r, field, ignored, sums):
 
 @by_rows(**{**REORDERED, "fastmath": False})
 def _set_initial_potential(first, end, x, r, b, along, potential, inverse):
-    """Set the initial potential x and its residual r, which is also stored as b.
+    """Set the initial potential x and its residual r, and copy r to b, the right-hand side of the first cycle.
 
     The initial potential is constant along each row, and has the lowest energy of all such potentials.
 
