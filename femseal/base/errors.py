@@ -46,11 +46,12 @@ class InputError(FemsealError, ValueError):
     what : str
         Name of the input.
     given : object
-        The value that was given. Use "" if the value would tell the reader nothing, and `MISSING` if it is absent.
+        The value that was given. Use "" if the value would not help the reader, and `MISSING` if no value was given.
     expected : str
         Description of the values that are accepted.
     suggested : mapping, optional
-        Values of other arguments that `expected` suggests, where each is written as "name=value".
+        Values that `expected` suggests for other arguments, by the name of the argument. In the text they are written
+        as "name=value".
 
     Examples
     --------
@@ -78,11 +79,11 @@ class InputError(FemsealError, ValueError):
         return f"{shortened(self.what)}: {description}expected {self.expected}"
 
     def inside(self, table: str) -> InputError:
-        """Return the same error with the input named as part of a table, such as "load.map" for "map"."""
+        """Return the same error with the table added to the name of the input, such as "load.map" for "map"."""
         return InputError(f"{table}.{self.what}", self.given, self.expected, self.suggested)
 
     def with_keys(self, keys: Mapping[str, str]) -> InputError:
-        """Return the same error with keys of a case in place of the names of arguments.
+        """Return the same error with the names of arguments replaced by keys of a case file.
 
         >>> error = InputError("wave", "1 µm", "2 µm, or shape=(4, 8)", {"shape": (4, 8)})
         >>> str(error.with_keys({"wave": "surface.shortest_wave", "shape": "surface.points"}))
@@ -134,7 +135,7 @@ class InputErrors(InputError):
 
 
 def shortened(value: object, longest: int = _LONGEST) -> str:
-    """Return the text of a value on one line for a message, without its middle if it is long.
+    """Return the text of a value on one line for a message; the middle of a long text is left out.
 
     Examples
     --------
@@ -166,7 +167,7 @@ class NotConverged(FemsealError, RuntimeError):
     Parameters
     ----------
     message : str
-        Says which residual was reached and what to try.
+        Message that states the residual that was reached and what the user can try.
     residual : float
         The residual that was reached, NaN if there is none.
     """

@@ -71,8 +71,8 @@ class Field:
     dimensions : tuple of str
         Names of the dimensions, in the order of the axes.
     heading : str
-        Heading of the column in printed tables, or "" if there is no such column. Only for fields with one value for
-        each load step.
+        Heading of the column in printed tables, "" if no table contains the field. Only fields with one value for each
+        load step can have a heading.
     """
 
     name: str
@@ -103,7 +103,7 @@ class Field:
 
     @property
     def scale(self) -> float:
-        """Factor from SI to the unit that is used in pictures and in files for ParaView."""
+        """Factor that converts SI values to the unit used in pictures and in files for ParaView."""
         return READABLE.get(self.unit, ("", 1.0))[1]
 
     @property
@@ -114,7 +114,7 @@ class Field:
 
     @property
     def column_name(self) -> str:
-        """Name in tables for programs, which includes the SI unit, such as "leakage_mean_m2_per_s"."""
+        """Name in machine-readable tables, which includes the SI unit, such as "leakage_mean_m2_per_s"."""
         return with_unit(self.name, self.unit)
 
 

@@ -66,9 +66,10 @@ def read_plain(path: Path, largest: float) -> bytes:
 
 
 def remove_foreign(path: Path) -> None:
-    """Remove a link, pipe or device that occupies the path of a file, so that nothing elsewhere is overwritten.
+    """Remove a link, pipe or device at the path of a file that is to be written.
 
-    Folders and regular files with a single name stay.
+    Writing through it could change something elsewhere. A regular file with further hard links is removed as well;
+    other regular files and folders stay.
 
     Raises
     ------

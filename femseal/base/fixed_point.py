@@ -1,4 +1,4 @@
-"""Solve fixed-point problems, such as fluid pressures and the permeabilities that depend on them."""
+"""Solve fixed-point problems, for example for a fluid pressure and a permeability that depend on each other."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class FixedPoint(Generic[Solution]):
     coefficient : object
         Coefficient for which the last solution was computed.
     rate : float
-        Rate of the last solution, such as a flow.
+        Rate in the last solution, for example a flow rate. The iteration stops when this value has converged.
     solutions : int
         Number of calls of `solve`.
     error : float
@@ -49,23 +49,24 @@ def fixed_point(
     rtol: float,
     name: str = "flow",
 ) -> FixedPoint[Solution]:
-    """Solve a problem whose coefficient depends on its solution, by repeated solution until the rate converges.
+    """Solve a problem whose coefficient depends on its solution, by Picard iteration.
 
-    Each solution takes the coefficient for the state that the previous solution returned.
+    Each iteration computes the coefficient from the state of the previous solution, and solves the problem with this
+    coefficient. The iteration stops when the rate has converged.
 
     Parameters
     ----------
     coefficient : callable
-        Returns the coefficient for a state, for example permeabilities for pressures.
+        Function that computes the coefficient from a state, for example permeabilities from fluid pressures.
     solve : callable
-        Returns the rate, the new state and the solution for a coefficient.
+        Function that solves the problem for a given coefficient, and returns the rate, the new state and the solution.
     state : array
         Initial state, NaN where the state is undefined.
     rtol : float
-        Largest relative error of the rate. The error is estimated by the last change of the rate, from the third
-        solution on.
+        Largest relative error of the rate. From the third solution on, the last relative change of the rate is the
+        estimate of this error.
     name : str
-        Name of the problem for the error message.
+        Name of the problem, for the error message.
 
     Raises
     ------
@@ -90,6 +91,6 @@ def fixed_point(
             state = np.where(np.isnan(half_way), state, half_way)
     raise NotConverged(
         f"{name}: the solution did not settle. After {_MOST_SOLUTIONS} solutions it still changes by {error:.1e}, "
-        f"which should be at most {rtol:.0e}. Try pressures at both ends that are closer to each other.",
+        f"which should be at most {rtol:.0e}. Try a smaller difference between the inlet and outlet pressures.",
         error,
     )

@@ -21,7 +21,7 @@ displays: dict[str, Callable[[], ModuleType]] = {}
 
 
 def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
-    """Return functions `__getattr__` and `__dir__` for a package, with which its names are loaded on first use.
+    """Return the functions `__getattr__` and `__dir__` of a package whose names are loaded on first use.
 
     The names are those that the `__init__.py` of the package imports under `TYPE_CHECKING`, and the names of its
     modules. No imported name may be equal to the name of a module, because the module would replace it once it is
@@ -31,7 +31,7 @@ def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
 
     @cache
     def sources() -> dict[str, str]:
-        """Return the module that each name is imported from, relative to the package."""
+        """Return, for each name, the module that defines it, relative to the package."""
         tree = ast.parse(module.__spec__.loader.get_source(package))  # type: ignore[union-attr]
         source_of = {info.name: f".{info.name}" for info in iter_modules(module.__path__)}
         for node in ast.walk(tree):
@@ -85,7 +85,7 @@ def name_cache(package: Path) -> None:
 
 
 def _can_write(folder: Path) -> bool:
-    """Return whether files can be created in a folder, or the folder itself can be created."""
+    """Return whether files can be created in a folder, or whether a missing folder itself can be created."""
     # find the first parent that exists
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent

@@ -2,8 +2,8 @@
 
 A leakage is stored as a volume rate per length of seal [m²/s] at the reference density of the fluid. To convert it to a
 unit of `leak_units`, the length of the seal, the density of the fluid and, for a gas, its reference state are needed.
-For a given amount of gas, the product pressure × volume is proportional to the temperature. Leakages in such units
-therefore refer to a given temperature. Standard volumes refer to 0 °C and 101 325 Pa.
+For a given amount of gas, the product pressure × volume is proportional to the temperature. Leakages in units of
+pressure × volume therefore refer to a given temperature. Standard volumes refer to 0 °C and 101 325 Pa.
 
 The limits of the classes are in `_TABLE`, with the edition of each standard. The limits of ISO 5208, which EN 12266-1
 has adopted, apply to closed valves and are multiplied by the nominal diameter in mm. Class A of ISO 5208 requires that
@@ -92,7 +92,7 @@ class LeakBasis:
         return self.temperature
 
     def lacks(self, unit: LeakUnit) -> str:
-        """Return advice on which unit to use if the leakage cannot be given in this one; "" if it can."""
+        """Return "" if the leakage can be given in a unit, and otherwise advice on which unit to use instead."""
         is_unit_of_gases = unit.kind in ("throughput", "standard", "bubbles")
         if is_unit_of_gases and not self.is_gas:
             return f"another unit: {unit.name} is for gases"
@@ -109,7 +109,7 @@ class LeakBasis:
         return not self.lacks(unit)
 
     def factor(self, unit: LeakUnit) -> float:
-        """Return the volume rate per length of seal [m²/s] that is equal to 1 in this unit.
+        """Return the factor that converts a leakage in this unit to a volume rate per length of seal [m²/s].
 
         Raises
         ------
@@ -124,7 +124,11 @@ class LeakBasis:
         return unit.si / self._amount_per_volume(unit) / length
 
     def _amount_per_volume(self, unit: LeakUnit) -> float:
-        """Return the amount, in the SI unit of the kind of `unit`, in 1 m³ of fluid at its reference state."""
+        """Return the amount in 1 m³ of fluid at its reference state.
+
+        The kind of `unit` decides which amount is meant, for example the mass [kg], the volume [m³] or the number of
+        drops.
+        """
         if unit.kind == "volume":
             return 1.0
         if unit.kind == "mass":
@@ -143,14 +147,14 @@ class LeakBasis:
         return pressure
 
     def units(self, names: Iterable[str] = USUAL_UNITS) -> list[LeakUnit]:
-        """Return those of the named units in which the leakage can be given."""
+        """Return the units in which the leakage can be given, out of the units with the given names."""
         return [LEAK_UNITS[name] for name in names if self.has(LEAK_UNITS[name])]
 
     def readable(self, values: ArrayLike) -> LeakUnit:
-        """Choose a unit for several leakages [m²/s], for example those in a column of a table.
+        """Choose one readable unit for several leakages [m²/s], for example for a column of a table.
 
-        It is a unit of the leakage of the whole seal: of volume per time for a liquid, and of pressure × volume per
-        time for a gas.
+        The unit refers to the leakage of the whole seal. For a liquid it is a volume per time, and for a gas a pressure
+        × volume per time.
         """
         if self.is_gas:
             return LEAK_UNITS["mbar·L/s"]
@@ -159,9 +163,9 @@ class LeakBasis:
     def usual_unit(self, value: float) -> LeakUnit:
         """Choose the unit in which engineers usually give a leakage of this size [m²/s], for the whole seal.
 
-        For a gas it is the standard litre per minute if the leakage is at least one of them, and otherwise mbar·L/s,
-        the unit of leak tests. For a liquid it is the first of L/min, mL/min, drops per minute, drops per hour and mL
-        per year in which the leakage is at least 1.
+        For a gas the unit is the standard litre per minute if the leakage is at least 1 std L/min, and otherwise
+        mbar·L/s, the unit of leak tests. For a liquid it is the largest of the units L/min, mL/min, drops per minute,
+        drops per hour and mL per year in which the leakage has a numerical value of at least 1.
         """
         names = _USUAL_FOR_GASES if self.is_gas else _USUAL_FOR_LIQUIDS
         units = self.units(names)
@@ -183,9 +187,9 @@ _VI_LIMITS = np.array([0.15, 0.30, 0.45, 0.60, 0.90, 1.70, 4.00, 6.75, 11.1, 16.
 
 
 def _nominal_inches(diameter: float) -> float:
-    """Return the nominal pipe size of API 598 for a nominal diameter [m], in inches and rounded down to half inches.
+    """Convert a nominal diameter [m] to the nominal pipe size of API 598, in inches rounded down to half inches.
 
-    The result is 0 up to a size of 2, because the standard allows no leakage there.
+    For sizes up to 2 inches the result is 0, because the standard allows no leakage there.
     """
     # a nominal inch has 25 mm; the small number prevents that a size is rounded down because of rounding errors
     size = int(2 * diameter / 0.025 + 1e-9) / 2
@@ -195,19 +199,19 @@ def _nominal_inches(diameter: float) -> float:
 def _class_vi(diameter: float) -> float:
     """Return the limit of class VI [mL/min] for a diameter of the seat [m].
 
-    Between the diameters of the table the limit is interpolated linearly in the square of the diameter. Above the
-    largest diameter it is NaN.
+    Between the tabulated diameters the limit is interpolated linearly in the square of the diameter. Above the largest
+    diameter it is NaN.
     """
     limit = np.interp(diameter**2, _VI_DIAMETERS**2, _VI_LIMITS, right=np.nan)
     return float(limit)
 
 
 class _Multiplier(NamedTuple):
-    """Quantity of the valve on which a limit depends as a factor.
+    """Describe a quantity of the valve that enters a limit as a factor, such as the nominal diameter.
 
     key : name of the quantity in a case file.
-    example : text for messages that says what a user may give.
-    factor : function that converts the quantity in SI to the factor.
+    example : example of a value that a user may give, for messages.
+    factor : function that computes the factor from the quantity in SI units.
     """
 
     key: str
@@ -250,7 +254,7 @@ class LeakClass:
     edition : str
         Edition of the standard.
     second_hand : bool
-        Whether the limit was taken from secondary sources instead of the text of the standard.
+        Whether the limit comes from secondary sources instead of the text of the standard.
     """
 
     name: str
@@ -315,7 +319,7 @@ class LeakClass:
 
 
 def within(leakage: ArrayLike, limit: float) -> Flags:
-    """Return whether the absolute values of leakages do not exceed a limit, apart from rounding; False for NaN."""
+    """Return whether the absolute values of leakages are within a limit, apart from rounding errors; False for NaN."""
     return np.abs(reals(leakage)) <= limit * (1 + _ROUNDING)
 
 
@@ -413,7 +417,7 @@ def check_classes(names: Iterable[str], diameter: float | None, basis: LeakBasis
 
 
 def _find_classes(name: str) -> list[LeakClass]:
-    """Return the classes for the name of a class or of a standard, or for a limit such as '1e-6 mg/(s*m)'."""
+    """Return the class of a given name, all classes of a standard, or a class for a limit such as '1e-6 mg/(s*m)'."""
     if not isinstance(name, str):
         raise InputError("classes", shown(name), KNOWN)
     key = _class_key(name)

@@ -29,8 +29,9 @@ class LeakUnit:
     kind : str
         Kind of amount: a volume, a mass, pressure × volume ("throughput"), a standard volume, drops or bubbles.
     si : float
-        Size of the unit in m³/s, kg/s or Pa·m³/s. For standard volumes in m³/s at 0 °C and 101 325 Pa; for drops and
-        bubbles in drops or bubbles per second. A unit per length of seal is in these units per metre.
+        Size of the unit in the SI unit of its kind: m³/s for volumes and standard volumes, kg/s for masses, Pa·m³/s for
+        pressure × volume, and 1/s for drops and bubbles. The size of a unit per length of seal is in these units per
+        metre.
     per_length : bool
         Whether the unit is a rate per length of seal.
     """
@@ -79,7 +80,7 @@ _NAMES = (
 
 
 def _parse_unit(name: str) -> LeakUnit:
-    """Make the unit for a name of the form "amount/time" or "amount/(m·time)"."""
+    """Make a unit from a name of the form "amount/time" or "amount/(m·time)"."""
     if name == "m²/s":
         return LeakUnit(name, "volume", 1.0, per_length=True)
     amount, _, time = name.partition("/")
@@ -170,10 +171,10 @@ def leak_unit(text: str) -> LeakUnit:
 
 
 def _factors(text: str) -> _Factors:
-    """Split a unit into the factors of its numerator and of its denominator.
+    """Split the text of a unit into the factors of its numerator and of its denominator.
 
-    Everything after a slash belongs to the denominator, because people write mg/s·m for mg/(s·m). Both are empty if the
-    unit cannot be read.
+    Everything after a slash belongs to the denominator, because people write mg/s·m for mg/(s·m). Both parts are empty
+    if the unit cannot be read.
     """
     plain = text.translate(_CHARACTERS)
     above: list[str] = []
@@ -203,7 +204,7 @@ _BY_FACTORS: dict[_Factors, str] = {_factors(name): name for name in LEAK_UNITS}
 def leakage_unit(values: ArrayLike) -> tuple[float, str]:
     """Choose one readable unit for all given leakages per length of seal [m²/s].
 
-    The choice depends on the median of the leakages that are not 0.
+    The unit is chosen for the median of the leakages that are not 0.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Provide facts of the machine, arrays that are shared between processes or stored on disk, and package versions.
+"""Provide facts about the machine, arrays that are shared between processes or stored on disk, and package versions.
 
 A large array, such as the gaps of all contact states, is stored in a file of plain numbers that is mapped into memory.
 This requires no further library. Views of the array behave like any other array, and other processes can open the file
@@ -46,7 +46,7 @@ def machine() -> dict[str, str | int]:
 
 
 def peak_memory() -> int:
-    """Return the largest memory of this process so far [byte]."""
+    """Return the peak memory use of this process so far [byte]."""
     if sys.platform == "win32":
         return psutil.Process().memory_info().peak_wset
     import resource
@@ -56,7 +56,7 @@ def peak_memory() -> int:
 
 
 def free_memory() -> float:
-    """Return the memory that processes can get on this machine without swapping [byte]."""
+    """Return the memory that is available to processes on this machine without swapping [byte]."""
     return float(psutil.virtual_memory().available)
 
 
@@ -107,7 +107,7 @@ def storing(folder: Path | None, memory: float | None = None) -> Iterator[None]:
     """Store large arrays that `shared_empty` creates in this context in files of a folder.
 
     folder : folder of the files; None for the system's folder for temporary files.
-    memory : memory that the run may use [byte]. It is limited to the free memory.
+    memory : memory that the run may use [byte], at most the free memory; None for the free memory.
     """
     _stores.append((folder, math.inf if memory is None else memory))
     try:
@@ -117,7 +117,7 @@ def storing(folder: Path | None, memory: float | None = None) -> Iterator[None]:
 
 
 def lies_on_disk(size: float) -> bool:
-    """Return whether `shared_empty` would store an array of this size [byte] on disk."""
+    """Return whether `shared_empty` stores an array of the given size [byte] on disk."""
     limit = _stores[-1][1] if _stores else math.inf
     return size > PART_OF_MEMORY * min(free_memory(), limit)
 
@@ -158,7 +158,7 @@ def _unnamed_file(on_disk: bool) -> Any:
 
 
 def _reserve(file: Any, size: int, on_disk: bool) -> None:
-    """Give a file its size [byte]; raise OSError if the disk does not have the space."""
+    """Extend an empty file to a given size [byte]; raise OSError if there is not enough space on the disk."""
     if on_disk and hasattr(os, "posix_fallocate"):
         # if the space were not reserved, writing to the array on a full disk would kill the process
         os.posix_fallocate(file.fileno(), 0, size)
@@ -167,7 +167,7 @@ def _reserve(file: Any, size: int, on_disk: bool) -> None:
 
 
 def give_back(array: NDArray[Any]) -> None:
-    """Release the memory of an array that is stored in a file, from which its content is read again when needed."""
+    """Release the memory of an array that is stored in a file; its content is read from the file again when needed."""
     mapped = getattr(array, "_mmap", None)
     if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
         mapped.madvise(mmap.MADV_DONTNEED)

@@ -166,7 +166,7 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
 
 
 def _expected_quantity(unit: str, like: str) -> str:
-    """Describe, for messages, the kind of quantity that is expected, with an example."""
+    """Describe the expected kind of quantity with an example, for a message."""
     if not unit:
         return "a finite number"
     example = like or _EXAMPLES.get(unit, f"1 {unit}")
@@ -182,7 +182,7 @@ def _rounded(value: float) -> float:
 
 
 def _kelvin(number: float, unit: str) -> float | None:
-    """Convert a temperature to kelvin without checking its range; return None if the unit is no temperature unit."""
+    """Convert a temperature to kelvin without checking its range; return None if the unit is not one of temperature."""
     scale = _TEMPERATURE.fullmatch(unit)
     if scale is not None:
         first_letter = (scale[1] or unit)[0]
@@ -209,7 +209,7 @@ def _hint(given_unit: str, unit: str) -> str:
 
 
 def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> float | None:
-    """Convert a pressure that is marked as gauge or absolute to an absolute pressure [Pa].
+    """Convert a gauge or absolute pressure, given as text such as "10 bar(g)", to an absolute pressure [Pa].
 
     Gauge pressures, such as "10 bar(g)", "10 barg" or "150 psig", are relative to the ambient pressure. Absolute
     pressures look like "10 bar(a)".
@@ -226,7 +226,7 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
     Returns
     -------
     float or None
-        None if the text is not marked as gauge or absolute.
+        None if the text does not say whether the pressure is gauge or absolute.
 
     Raises
     ------
@@ -286,7 +286,7 @@ def _finite(value: float, given: object, name: str, expected: str) -> float:
 
 
 def to_text(value: float, unit: str, digits: int = 4) -> str:
-    """Write a value in SI as text with a readable prefix.
+    """Write a value in SI as text, with an SI prefix that makes the number readable.
 
     Examples
     --------

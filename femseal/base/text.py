@@ -30,7 +30,7 @@ class TextTable:
     title : str
         Title above the table, "" for none.
     heads : tuple of str
-        Headings of the columns. A table of names and values has none.
+        Headings of the columns; empty for a table that only lists names and values.
     lines : tuple of tuples of str
         Rows, with one text for each column.
     names : int
@@ -56,7 +56,7 @@ class TextTable:
     def of_columns(
         cls, title: str, columns: Iterable[tuple[str, Iterable[str]]], **options: Any
     ) -> TextTable:
-        """Make a table from columns, each given as its heading and its texts."""
+        """Make a table from pairs of the heading and the texts of each column."""
         heads, texts = zip(*columns, strict=True)
         return cls(title, tuple(heads), tuple(zip(*texts, strict=True)), **options)
 
@@ -68,7 +68,7 @@ class TextTable:
         return replace(self, heads=heads, lines=lines)
 
     def __rich__(self) -> Any:
-        """Return the table as `rich.print` shows it."""
+        """Return the table in the form that `rich.print` displays."""
         from rich.box import SIMPLE_HEAD
         from rich.console import Group
         from rich.markup import escape as plain
@@ -121,7 +121,7 @@ class TextTable:
             )
 
     def __str__(self) -> str:
-        """Return the table as plain text, as wide as it needs to be."""
+        """Return the table as plain text; its width is not limited to that of a terminal."""
         from rich.console import Console
 
         console = Console(width=1000, color_system=None)
@@ -138,7 +138,7 @@ class TextTable:
 
 
 def _html_cells(texts: Iterable[str], tag: str) -> str:
-    """Wrap every text into an HTML tag."""
+    """Enclose each text in an HTML tag."""
     return "".join(f"<{tag}>{escape(text)}</{tag}>" for text in texts)
 
 
@@ -148,7 +148,7 @@ _PLAIN_EXPONENTS = range(-4, 6)
 
 
 def rows_of(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Convert columns to a list with one dictionary for each row, with Python numbers as values.
+    """Convert columns to a list of rows. Each row is a dictionary with Python numbers as values.
 
     A column is an array (rows,), or a single value that all rows share.
     """
@@ -160,8 +160,8 @@ def rows_of(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
 def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
     """Write rows as comma-separated values, after one line with the names of the columns.
 
-    There must be at least one row. A missing value is an empty cell. A text that a spreadsheet would take for a formula
-    is preceded by an apostrophe.
+    There must be at least one row. A missing value is an empty cell. A text that a spreadsheet would interpret as a
+    formula is preceded by an apostrophe.
     """
     names = list(rows[0])
     stream = io.StringIO()
@@ -199,7 +199,7 @@ def number_text(value: float, digits: int = 3, plain: range = _PLAIN_EXPONENTS) 
     digits : int
         Number of significant digits.
     plain : range
-        Exponents of ten for which no power of ten is written.
+        Numbers with these exponents of ten are written without a power of ten.
 
     Examples
     --------

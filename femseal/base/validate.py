@@ -147,7 +147,7 @@ def field(
     shape : tuple of two int, optional
         Shape that the array must have.
     copy : bool
-        Whether to return a new array in any case.
+        Whether to copy the values even if they are an array of the right kind already.
     undefined : bool
         Whether points may be undefined (NaN).
     """
@@ -184,7 +184,7 @@ def count(name: str, value: Any, least: int = 1) -> int:
 
 
 def _pair(name: str, value: Any, check: Callable[[Any], Any], expected: str) -> tuple[Any, Any]:
-    """Check that a value consists of two members, for x1 and x2, and apply `check` to both."""
+    """Check that a value has two members, one for x1 and one for x2, and apply `check` to each of them."""
     try:
         first, second = map(check, value)
     except (TypeError, ValueError, KeyError):
@@ -193,19 +193,19 @@ def _pair(name: str, value: Any, check: Callable[[Any], Any], expected: str) -> 
 
 
 def lengths(name: str, value: Any) -> Pair:
-    """Check that a value is two finite lengths > 0 [m] along x1 and x2, or one number for both."""
+    """Check that a value consists of finite lengths > 0 [m] along x1 and x2, or is one length for both axes."""
     pair = (value, value) if isinstance(value, Real) else value
     return _pair(name, pair, partial(number, name), "two finite numbers > 0 [m]")
 
 
 def grid(name: str, value: Any, *, minimum: int = 1) -> Shape:
-    """Check that a value is two whole numbers of at least `minimum` along x1 and x2."""
+    """Check that a value consists of two whole numbers, for x1 and x2, of at least `minimum`."""
     check = partial(count, name, least=minimum)
     return _pair(name, value, check, f"two whole numbers >= {minimum}")
 
 
 def flags(name: str, value: Any) -> Periodic:
-    """Check that a value is two truth values along x1 and x2, or one for both."""
+    """Check that a value consists of two truth values, for x1 and x2, or is one truth value for both axes."""
     pair = (value, value) if isinstance(value, bool) else value
     return _pair(name, pair, {True: True, False: False}.__getitem__, "two of True and False")
 
@@ -236,7 +236,7 @@ def described(
     since : str
         First version of femseal that has the key.
     default : object
-        Default value. A field without one is required.
+        Default value. A key without a default value is required.
     **more
         Further metadata of the field.
     """
@@ -254,7 +254,7 @@ def parameter(
     inclusive: bool = False,
     **more: Any,
 ) -> Any:
-    """Declare a field of a dataclass that is a finite number above a limit, and also a key of case files.
+    """Declare a field of a dataclass that is a finite number above a limit and also a key of case files.
 
     Parameters
     ----------

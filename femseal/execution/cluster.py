@@ -23,8 +23,8 @@ ANSWER_SECONDS = 5
 WORKER_SECONDS = 600
 #: Unfinished tasks for each thread of the cluster: one is computed while the next one waits.
 UNDER_WAY = 2
-#: Largest number of tasks that were sent and whose results were not returned yet, in multiples of the number that
-#: should be unfinished. They include finished tasks that wait for an earlier one.
+#: Largest number of tasks that were sent but whose results have not been yielded yet, in multiples of the number of
+#: unfinished tasks. They include finished tasks that wait for an earlier one.
 MOST_SENT = 8
 #: Number of times that a task is sent again after the cluster has lost its data.
 RETRIES = 10
@@ -123,7 +123,7 @@ def _check_answer(scheduler: str) -> None:
 
 
 def _check_versions(scheduler: str, worker: str, versions: dict[str, str]) -> None:
-    """Raise InputError if a worker has other versions of packages than this process."""
+    """Raise InputError if the versions of packages on a worker differ from those of this process."""
     differences = [
         f"{name} {versions.get(name)} instead of {version}"
         for name, version in numerical_versions().items()
@@ -141,8 +141,8 @@ def _check_versions(scheduler: str, worker: str, versions: dict[str, str]) -> No
 def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     """Yield the results of a stage in the order of its items.
 
-    The stage is sent to the workers once. A few items for each thread are sent in advance. If an item takes long, the
-    items after it are computed meanwhile, and their results are yielded in their turn.
+    The stage is sent to the workers once. A few items for each thread are sent in advance. While a slow item is
+    computed, the items after it are computed as well, and their results wait until it is finished.
     """
     items = zip(*iterables, strict=False)
     remote_stage = _send_stage(client, stage)
@@ -181,7 +181,7 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
 def _number_to_send(client: Any, sent: deque[tuple[tuple[Any, ...], Any]]) -> int:
     """Return how many further tasks should be sent.
 
-    sent : items and tasks that were sent, and whose results were not returned yet.
+    sent : items and tasks that were sent but whose results have not been yielded yet.
     """
     wanted = UNDER_WAY * max(1, _threads(client))
     unfinished = sum(not task.done() for _, task in sent)
@@ -247,7 +247,8 @@ def _call(stage: Stage, item: tuple[Any, ...]) -> Any:
 def _thread_limits(modules: int) -> Any:
     """Return an object that limits the threads of the loaded libraries.
 
-    modules : number of loaded modules. If it changes, the libraries are searched again.
+    modules : number of loaded modules. If it has changed, the cached object is not used and the libraries are searched
+    again.
     """
     from threadpoolctl import ThreadpoolController
 

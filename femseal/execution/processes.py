@@ -30,7 +30,7 @@ FREE_FRACTION = 0.7
 END_SECONDS = 10.0
 #: Interval at which a process checks whether its parent is alive [s].
 WATCH_SECONDS = 0.5
-#: Name of the thread that does this.
+#: Name of the thread that checks this.
 WATCHER = "watches the parent"
 #: Environment variables of the processes. With the first two, the GNU C library keeps freed memory up to this size
 #: [byte], because requesting new memory for each result would take as long as sending the result. With the third one,
@@ -66,7 +66,8 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
 
     Each process reads the stage once from a file. joblib sends the items in batches.
 
-    count : number of processes. folder : temporary folder for this file.
+    count : number of processes.
+    folder : temporary folder for the file.
     """
     import joblib
 
@@ -180,14 +181,14 @@ def _worker_processes() -> list[psutil.Process]:
 
 
 def _call_stored(parent: int, path: str, threads: int, *item: Any) -> Any:
-    """Compute an item in a process.
+    """Compute an item in a worker process.
 
     Parameters
     ----------
     parent : int
         Identifier of the process that has started this one.
     path : str
-        File with the stage.
+        File that contains the stage.
     threads : int
         Number of threads that may share the work on an array.
     *item
@@ -214,7 +215,7 @@ _folders: set[str] = set()
 
 @cache
 def _end_with(parent: int) -> None:
-    """Make this process end soon after its parent, even if the parent is killed, and remove the parent's folders.
+    """Make this process end soon after its parent, even if the parent is killed, and remove the folders of the parent.
 
     The process also ends `END_SECONDS` after its main thread has ended, even if other threads are still running,
     because joblib would wait for it without a time limit.

@@ -3,7 +3,8 @@
 A run that was stopped leaves the store with its results in the output folder, and a manifest of everything on which
 these results depend. From these files the run can be resumed. While a run is under way, it holds a lock on a file in
 its folder. The operating system releases the lock when the process ends, for whatever reason. On file systems without
-locks, such as some network file systems, an additional file serves as a mark instead of the lock. It names the process.
+locks, such as some network file systems, the existence of an additional file takes the place of the lock. The file
+names the process.
 """
 
 import errno
@@ -36,7 +37,7 @@ MANIFEST = "manifest.json"
 _LARGEST_MANIFEST = 1e8
 #: Largest number of changed keys that a message lists.
 _MOST_CHANGES = 20
-#: File in the output folder that is locked. Its text says which process holds the lock.
+#: File in the output folder that a run locks. Its text says which process holds the lock.
 LOCK = ".lock"
 #: Suffix of the name of the file that replaces the lock on file systems without locks.
 MARK = "-mark"
@@ -53,7 +54,7 @@ def alone_in(folder: Path) -> Iterator[None]:
     Raises
     ------
     InputError
-        Another run is under way there, or the folder cannot be written.
+        Another run is under way in the folder, or the folder cannot be written.
     """
     from filelock import Timeout
 
@@ -79,7 +80,7 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 
 def _acquire_lock(path: Path) -> Any:
-    """Acquire a lock on a file and return it. On a file system without locks, a mark beside the file is used instead.
+    """Acquire a lock on a file and return it. On a file system without locks, the file with the suffix `MARK` is used.
 
     Raises filelock.Timeout if another run holds the lock.
     """
@@ -126,8 +127,8 @@ def writing_in(folder: Path, identity: dict[str, Any], resume: bool) -> Iterator
     Raises
     ------
     InputError
-        Another run is under way in the folder. Or the folder contains an unfinished run, but `resume` is false, or the
-        unfinished run has another identity.
+        Another run is under way in the folder. This error is also raised if the folder contains an unfinished run, but
+        `resume` is false or the unfinished run has another identity.
     """
     with alone_in(folder):
         if not resume:
@@ -194,7 +195,7 @@ def remove_run(output: Path) -> None:
     Raises
     ------
     FemsealError
-        It could not be removed.
+        The store could not be removed.
     """
     folder = store_folder(output)
     try:
@@ -212,7 +213,7 @@ def store_folder(output: Path, name: str = FOLDER) -> Path:
     Raises
     ------
     InputError
-        It is a file, or a link, which may lead to any other folder.
+        The path is a file or a link. A link could lead to any other folder.
     """
     folder = output / name
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):

@@ -39,8 +39,8 @@ def reporting_compilation(progress: Progress) -> Iterator[None]:
     Parameters
     ----------
     progress : callable
-        Called when the first loop is compiled, when each loop is done, and at the end. The total number is not known
-        before the end.
+        Called when the first loop is compiled, when each loop is done, and at the end. The total number of loops is not
+        known before the end.
     """
     from numba.core import event
 
@@ -106,7 +106,7 @@ class Run:
         log.info("%s: %.1f s", name, seconds)
 
     def decided(self, name: str, identity: Any, value: Any) -> Any:
-        """Store a decision, or return the stored one, so that a resumed run decides in the same way.
+        """Store a decision, or return the stored one. A resumed run therefore repeats the decisions of the stopped run.
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ class Run:
         self.timings[name] = self.timings.get(name, 0.0) + seconds
 
     def _reporting_mapper(self, part: str) -> Mapper:
-        """Return a mapper that reports the progress of each stage and adds up their wall times.
+        """Return a mapper that reports the progress of each stage and records its wall time.
 
         part : name of the part of the run.
         """
@@ -161,7 +161,7 @@ def _log_rate(name: str, done: int, total: int | None, seconds: float) -> None:
 
 
 def _return_value(value: Any, identity: Any) -> Any:
-    """Return the value of a decision; `identity` only serves as its key in the store."""
+    """Return the value of a decision. `identity` only serves as the key of the decision in the store."""
     return value
 
 
@@ -204,10 +204,11 @@ def ordered_map(
     workers : int, optional
         Number of processes on this machine. Default: one for each core.
     scheduler : str, optional
-        Address of a Dask scheduler on which to compute instead, which must have a worker within
+        Address of a Dask scheduler whose workers compute the items instead. A worker must be available within
         `cluster.WORKER_SECONDS`. "local" starts a scheduler and `workers` processes on this machine.
     before : callable, optional
-        Called with the mapper over several processes before it is used, such as `compile_ahead`.
+        Function that is called with the mapper before the mapper is used, such as `compile_ahead`. It is called only if
+        the mapper uses several processes of this machine.
 
     Raises
     ------
@@ -215,7 +216,7 @@ def ordered_map(
         There is no scheduler with workers at the address, its workers have other versions, or femseal[cluster] is not
         installed.
     FemsealError
-        Workers died repeatedly. This error is raised while results are taken from the mapper.
+        Workers died repeatedly. This error is raised while the results of a stage are being yielded.
     """
     import joblib
     from threadpoolctl import threadpool_limits

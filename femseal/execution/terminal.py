@@ -15,7 +15,7 @@ from .run import LogFile, Progress, logging_to, no_progress
 
 
 def flag(name: str, help: str) -> Any:
-    """Declare an option of a command that is off unless it is named."""
+    """Declare an option of a command that switches something on."""
     return typer.Option(name, help=help, show_default="off")
 
 
@@ -24,7 +24,7 @@ def option(help: str, default: str, *names: str) -> Any:
 
     help : help text.
     default : description of the default value, for the help text.
-    names : names of the option. Default: the name of its argument.
+    names : names of the option on the command line. Default: the name of the argument.
     """
     return typer.Option(*names, help=help, show_default=default)
 
@@ -58,7 +58,7 @@ PartOption = Annotated[str | None, typer.Option(hidden=True, callback=_refuse_pa
 
 
 def print_table(table: Any) -> None:
-    """Print a table with rich, as wide as the terminal, or with long lines into files and pipes."""
+    """Print a table with rich. It is as wide as the terminal; in files and pipes, long lines are not wrapped."""
     from rich.console import Console
 
     Console(width=None if sys.stdout.isatty() else 160).print(table)
@@ -75,7 +75,7 @@ def print_text(text: str) -> None:
 def show_progress(quiet: bool, log_file: Path | None = None) -> Iterator[Progress]:
     """Show progress as bars on a terminal and as log lines elsewhere, or nothing if `quiet`.
 
-    log_file : file to which log lines are appended as well.
+    log_file : file to which log lines are appended in addition.
     """
     is_terminal = sys.stderr.isatty()
     handlers: list[logging.Handler] = []
@@ -97,7 +97,7 @@ def _open_log_file(path: Path) -> logging.Handler:
 
 
 def _echo_handler(is_terminal: bool) -> logging.Handler:
-    """Return a handler that prints log lines, or only warnings on a terminal."""
+    """Return a handler that prints log lines. On a terminal it only prints warnings."""
     handler = _Echo(logging.WARNING if is_terminal else logging.INFO)
 
     def is_shown(record: logging.LogRecord) -> bool:

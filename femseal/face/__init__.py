@@ -1,1 +1,1 @@
-"""Surface in its contact states, cut into cells, and the permeability of each cell for any load path."""
+"""Cut a surface in its contact states into cells, and compute the permeability of each cell for any load path."""

@@ -1,7 +1,7 @@
 """Solve the flow through a whole surface at full resolution, and through one of its cells along one axis.
 
 The module also contains `attempt`, which records the failure of a solver instead of stopping a run, and `SolveCounts`,
-which counts the solutions by solver.
+which counts the linear systems that each solver has solved.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ LARGEST_FLOW = 2**26
 
 @dataclass(frozen=True)
 class Failed:
-    """Placeholder for the result of a solver that failed, so that a run can go on with the other solutions.
+    """Take the place of the result of a solver that failed, so that a run can go on with the other solutions.
 
     Attributes
     ----------
     reason : str
         Message of the error.
     permeability, per_length : float
-        NaN in place of the values of a result.
+        NaN, because these attributes of a result are unknown.
     """
 
     reason: str
@@ -56,7 +56,7 @@ def attempt(solve: Callable[..., Result], *arguments: Any, **options: Any) -> Re
 
 @dataclass(frozen=True)
 class SolveCounts:
-    """Numbers of linear systems by solver, and numbers of flows through cells.
+    """Hold the number of linear systems that each solver has solved, and the numbers of open and closed cells.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class SolveCounts:
 
     @classmethod
     def of(cls, flow: Any) -> SolveCounts:
-        """Count one flow by its `solver` and `imbalance`; the count is empty if there was no system to solve."""
+        """Count one flow by its attributes `solver` and `imbalance`; without a solved system the count is empty."""
         return cls() if flow.solver == "none" else cls(((flow.solver, 1),), flow.imbalance)
 
     def __add__(self, other: SolveCounts) -> SolveCounts:
@@ -101,16 +101,16 @@ class SolveCounts:
 
 @dataclass(frozen=True)
 class FlowSettings:
-    """Settings for the flow through a surface and its cells.
+    """Hold the settings for the flow through a surface and its cells.
 
     Parameters
     ----------
     solver : str
         Linear solver, see `cell_permeability`.
     drop : PressureDrop
-        Fluid with its pressures at inlet and outlet.
+        Fluid, and its pressures at inlet and outlet.
     spiral : Spiral or None
-        Spiral grooves of the whole surface, see `femseal.flow.spiral`; None if its grooves are closed rings.
+        Spiral grooves of the whole surface, see `femseal.flow.spiral`; None if the grooves are closed rings.
 
     Raises
     ------
@@ -131,14 +131,15 @@ _DEFAULT_SETTINGS = FlowSettings()
 
 @dataclass(frozen=True, eq=False)
 class CellPermeabilities:
-    """Permeability of a cell along one axis.
+    """Hold the permeability of a cell along one axis.
 
     Attributes
     ----------
     k : array, (pressures,)
         Permeability at each fluid pressure [m³].
     counts : SolveCounts
-        Number of linear systems. The cell itself counts once as solved or closed, whatever the number of pressures.
+        Number of linear systems that were solved, for all pressures together. As an open or closed cell, the cell is
+        counted only once.
     """
 
     k: Array
@@ -165,8 +166,8 @@ def cell_permeabilities(
     settings : FlowSettings
         Fluid and solver.
     core : tuple of two int, optional
-        Range of points on the axis perpendicular to the flow whose permeability is computed, see `cell_flow`; by
-        default the whole cell.
+        Range of points on the axis perpendicular to the flow, for which the permeability is computed, see `cell_flow`.
+        Default: the whole cell.
 
     Raises
     ------
@@ -193,7 +194,7 @@ def cell_permeabilities(
 
 @dataclass(frozen=True, eq=False)
 class FaceFlow:
-    """Flow along x1 through a whole surface.
+    """Hold the flow along x1 through a whole surface.
 
     Attributes
     ----------
@@ -219,7 +220,7 @@ def solve_surface_flow(
     """Solve the flow along x1 through the gap of a whole surface.
 
     A surface of more than `LARGEST_FLOW` points is divided along x2 into parts, each of which is treated as periodic.
-    If the settings contain a spiral, the fluid can also follow its grooves around lands that are closed.
+    If the settings contain a spiral, the fluid can also bypass closed lands by following the spiral grooves.
 
     Parameters
     ----------
@@ -247,7 +248,10 @@ def solve_surface_flow(
     counts = SolveCounts()
 
     def solve(gap: Array) -> tuple[float, Array, Permeability]:
-        """Solve the flow for a fixed gap; return permeability [m³], fluid pressure (1 to 0) and the whole solution."""
+        """Solve the flow for a fixed gap.
+
+        Returns the permeability [m³], the fluid pressure (from 1 to 0) and the whole solution.
+        """
         nonlocal counts
         flow = cell_permeability(gap, spacing, sides=sides, solver=settings.solver)
         counts += SolveCounts.of(flow)
@@ -266,7 +270,7 @@ def solve_surface_flow(
 
 
 def flow_sides(boundary: str) -> str:
-    """Return the condition at the sides of the flow for a boundary of the contact, "periodic" or "mirror"."""
+    """Return the boundary condition of the flow at its sides, "periodic" or "mirror", for a boundary of the contact."""
     return "periodic" if boundary == "periodic" else "mirror"
 
 
@@ -286,12 +290,13 @@ def permeability_along_x2(
     settings : FlowSettings
         Fluid and solver.
     sides : "periodic" or "mirror"
-        Sides of the flow, which are the ends of x1, see `solve_surface_flow`.
+        Condition at the sides of the flow, see `solve_surface_flow`. Here the sides are the ends of the surface along
+        x1.
 
     Returns
     -------
     float
-        Mean permeability of the patches, weighted with their widths [m³].
+        Mean permeability of the patches, weighted by their widths [m³].
 
     Raises
     ------

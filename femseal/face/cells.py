@@ -26,13 +26,13 @@ from .cell_flow import Failed, FlowSettings, SolveCounts, attempt, cell_permeabi
 CELLS, CELLS_IN_ORDER = 4, 2
 #: Smallest number of points along a side of a cell.
 FEWEST_POINTS = 8
-#: Overlap of a cell with each neighbour at its sides, as a fraction of the width of the cell. Channels that leave the
-#: cell and return are then open, but only the flux inside the cell itself counts, see `flow.core_flux`.
+#: Overlap of a cell with each neighbour perpendicular to the flow, as a fraction of the width of the cell. Channels
+#: that leave the cell and return are then open, but only the flux inside the cell itself counts, see `flow.core_flux`.
 OVERLAP = 0.125
 #: Largest correction factor, and largest ratio of the leakage of a seal with cells in order to that of the surface.
 #: Larger values would be due to single constrictions.
 MOST_FACTOR, MOST_RATIO = 3.0, 2.0
-#: Continuation of a surface along x1 and x2, as of a `HalfSpace`.
+#: Continuation of a surface along x1 and x2, as for a `HalfSpace`.
 Boundary = tuple[str, str]
 
 
@@ -54,14 +54,15 @@ def usual_cells(surface: Surface, in_order: bool = False) -> Shape:
 
 @dataclass(frozen=True, eq=False)
 class WidenedCell:
-    """A cell with overlaps into its neighbours at its sides, parallel to the flow.
+    """Hold values in a cell that is widened perpendicular to the flow, so that it overlaps its neighbours.
 
     Attributes
     ----------
     field : array, (n1, n2)
         Values at the points of the cell and its overlaps.
     core : tuple of two int
-        Range of points of the cell itself on the axis perpendicular to the flow; the end is exclusive.
+        Index of the first point of the cell itself along the axis perpendicular to the flow, and index after its last
+        point.
     """
 
     field: NDArray[Any]
@@ -70,12 +71,13 @@ class WidenedCell:
 
 @dataclass(frozen=True)
 class Cut:
-    """Division of a surface into a grid of cells.
+    """Describe the division of a surface into a grid of cells.
 
     Attributes
     ----------
     rows, columns : tuple of int
-        Index of the first point of each cell along x1 and x2, and at the end the number of points.
+        Index of the first point of each row and of each column of cells. The last entry is the number of points of the
+        surface along this axis.
     patch_of_column : tuple of int
         Number of the measured patch to which each column of cells belongs, from 0.
     spacing : tuple of two float
@@ -134,7 +136,7 @@ class Cut:
 
     @property
     def patch_columns(self) -> list[slice]:
-        """Range of columns of cells for each measured patch."""
+        """Ranges of columns of cells, one for each measured patch."""
         numbers = np.array(self.patch_of_column)
         ends = [*np.flatnonzero(np.diff(numbers)) + 1, len(numbers)]
         return [slice(int(a), int(b)) for a, b in pairwise([0, *ends])]
@@ -150,7 +152,7 @@ class Cut:
     def split_with_overlaps(
         self, field: NDArray[Any], axis: int, boundary: Boundary = ("free", "periodic")
     ) -> list[WidenedCell]:
-        """Cut a field into cells that overlap with their neighbours at their sides, parallel to the flow.
+        """Cut a field into cells that overlap their neighbours in the direction perpendicular to the flow.
 
         Parameters
         ----------
@@ -197,7 +199,10 @@ class Cut:
 
 
 def _distribute_columns(widths: Sequence[int], columns: int) -> list[int]:
-    """Distribute columns of cells over patches in proportion to their widths, by the largest remainders."""
+    """Distribute columns of cells over patches in proportion to the widths of the patches.
+
+    The shares are whole numbers of at least 1, by the largest remainder method.
+    """
     wanted = np.array(widths) * (columns / sum(widths))
     shares = np.maximum(wanted.astype(int), 1)
     while shares.sum() != columns:
@@ -211,7 +216,7 @@ def _distribute_columns(widths: Sequence[int], columns: int) -> list[int]:
 def _points_with_overlaps(
     cell: tuple[int, int], patch: tuple[int, int], boundary: str
 ) -> tuple[Indices, tuple[int, int]]:
-    """Return the points of a cell with its overlaps, on the axis perpendicular to the flow.
+    """Return the indices of the points of a cell and its overlaps along the axis perpendicular to the flow.
 
     Parameters
     ----------
@@ -225,7 +230,7 @@ def _points_with_overlaps(
     points : array of int
         Indices of the points on the surface.
     core : tuple of two int
-        Range of these points that belongs to the cell itself; the end is exclusive.
+        Index in `points` of the first point of the cell itself, and index after its last point.
     """
     first, end = patch
     size = end - first
@@ -253,7 +258,7 @@ def _divide_range(first: int, points: int, count: int) -> list[int]:
 
 @dataclass(frozen=True, eq=False)
 class CellState:
-    """Cells of a surface in one contact state.
+    """Hold the properties of the cells of a surface in one contact state.
 
     Attributes
     ----------
@@ -267,7 +272,7 @@ class CellState:
     row_pressure : array, (n1,)
         Mean contact pressure of each row of points [Pa].
     counts : SolveCounts
-        Numbers of open cells, whose flow was solved, and of closed ones.
+        Number of open cells, for which the flow was solved, and number of closed cells.
     failures : tuple of str
         Reasons for values that are NaN.
     surface_k1 : float
@@ -308,7 +313,7 @@ class CellState:
         fractions: Floats | float = np.nan,
         boundary: Boundary = ("free", "periodic"),
     ) -> CellState:
-        """Cut gap and contact pressure of a surface into cells, and compute the flow through each cell.
+        """Cut the gap and the contact pressure of a surface into cells, and compute the flow through each cell.
 
         Parameters
         ----------
@@ -359,15 +364,15 @@ def correction_factors(
 ) -> Array:
     """Compute the correction factor of each state for one axis.
 
-    Multiplied by this factor, the cells in order leak as much as the whole surface. If the surface or its cells are
-    sealed in a state, or their leakage is unknown, the factor of the nearest state in the same branch of the load cycle
-    is taken, or 1 if no state has a factor. The factor is limited, because near closing it depends on single
-    constrictions, which other seals do not have.
+    The factor is the leakage of the whole surface divided by that of its cells in order. It is not defined in a state
+    in which the surface or its cells are sealed, or their leakage is unknown. Such a state takes the factor of the
+    nearest state in the same branch of the load cycle, or 1 if no state of the branch has a factor. The factor is
+    limited, because in a nearly closed surface it depends on single constrictions, which other seals do not have.
 
     Parameters
     ----------
     surface, cells : arrays, (steps,)
-        Leakage or permeability of the whole surface and of its cells in order, along the axis.
+        Leakage or permeability along the axis, of the whole surface and of its cells in order.
     steps : LoadProgramme
         Load programme.
     largest : float

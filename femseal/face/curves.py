@@ -1,10 +1,11 @@
 """Interpolate the permeability of a cell between tabulated pressures, for any load cycle.
 
 ln k is a nearly linear function of the cube root of the pressure, from first touch to closing. It is interpolated
-monotonically over this cube root (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980, 238). To unload from any
-peak, the curves of the tabulated peaks below and above it are interpolated at equal fractions of their reopening
-pressures, so that each unloading curve begins on the loading curve. Below the lowest tabulated peak, the unloading
-curves tend to the loading curve, as without plastic deformation.
+monotonically over this cube root (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980, 238). The peak is the
+pressure at which an unloading begins, and the reopening pressure is that at which a closed cell opens again on
+unloading. The unloading curve of any peak is interpolated between the curves of the tabulated peaks below and above it,
+at equal fractions of the reopening pressures. It is corrected so that it begins on the loading curve. Below the lowest
+tabulated peak, the unloading curves tend to the loading curve, as without plastic deformation.
 """
 
 from __future__ import annotations
@@ -19,13 +20,13 @@ from ..loads import LoadProgramme
 
 
 class LogCurve:
-    """Interpolated ln k as a function of a variable x, from open states at small x to closed ones.
+    """Interpolate ln k as a function of a variable x, from open states at small x to closed states at large x.
 
     Attributes
     ----------
     end : float
-        x at which the cell closes, in the middle between the last open and the first closed point. It is inf if the
-        cell is open at all points, and −inf if it is closed at all points.
+        Value of x at which the cell closes, in the middle between the last open and the first closed point. It is inf
+        if the cell is open at all points, and −inf if it is closed at all points.
     """
 
     def __init__(self, x: Array, k: Array) -> None:
@@ -40,9 +41,9 @@ class LogCurve:
         self._inner = PchipInterpolator(self._x, self._log_k) if n_open > 1 else None
 
     def __call__(self, x: Array) -> Array:
-        """Evaluate ln k at x; it is −inf beyond the end of the curve, where the cell is closed.
+        """Evaluate ln k at x. Beyond the end of the curve the cell is closed, and ln k is −inf.
 
-        Below the first point the curve is constant. Beyond the last open point it is continued linearly up to its end.
+        Below the first point the curve is constant. Between the last open point and the end it is continued linearly.
         """
         x = np.asarray(x, float)
         if not self._x.size:
@@ -57,19 +58,19 @@ class LogCurve:
 
 
 class CellCurves:
-    """Permeability of a cell along one axis, on loading and on unloading from any peak.
+    """Evaluate the permeability of a cell along one axis, on loading and on unloading from any peak pressure.
 
     Parameters
     ----------
     steps : LoadProgramme
-        Tabulated pressures. All unloadings have steps at the same fractions of their peaks.
+        Tabulated pressures. In all unloadings, the steps are at the same fractions of the peak.
     k : array, (steps,)
-        Permeability at each tabulated pressure [m³]. States with NaN are omitted from the curves. Without any known
-        state on loading or on unloading, the permeability there is NaN.
+        Permeability at each tabulated pressure [m³]. States with NaN are omitted from the curves. If no state on
+        loading (or on unloading) is known, the permeability on loading (or on unloading) is NaN.
     """
 
     def __init__(self, steps: LoadProgramme, k: Array) -> None:
-        """Divide the tabulated states into a loading curve and one unloading curve for each peak."""
+        """Divide the tabulated states into a loading curve and an unloading curve for each peak."""
         known = np.isfinite(k)
         on_loading = steps.on_loading & known
         self._pressure, self._k = steps.pressures[on_loading], k[on_loading]
@@ -92,7 +93,7 @@ class CellCurves:
         return LogCurve(np.cbrt(self._pressure), self._k)
 
     def k_on_loading(self, pressure: Array) -> Array:
-        """Evaluate k on loading [m³]."""
+        """Evaluate the permeability k on loading [m³] at given pressures [Pa]."""
         if not self._k.size:
             return np.full(np.shape(pressure), np.nan)
         return np.exp(self.loading(np.cbrt(pressure)))
@@ -100,8 +101,8 @@ class CellCurves:
     def k_on_unloading(self, pressure: Array, peak: Array) -> Array:
         """Evaluate the permeability k during unloading from given peaks to given lower pressures, all > 0 [Pa].
 
-        The result is interpolated between the tabulated peaks below and above each peak. It lies between the value at
-        the peak and the loading curve.
+        The result is interpolated between the curves of the tabulated peaks below and above each given peak. It is at
+        least the permeability at the peak, and at most that on loading at the same pressure.
 
         Parameters
         ----------
@@ -141,7 +142,7 @@ class CellCurves:
         inside = np.clip(relative, 0, 1)
 
         def interpolate(relative_pressure: Array) -> Array:
-            """Interpolate ln k between both knots, at fractions of their reopening pressures."""
+            """Interpolate ln k between the curves of both knots, at fractions of their reopening pressures."""
             below = self._log_k_at_knots(upper - 1, relative_pressure, peak)
             above = self._log_k_at_knots(upper, relative_pressure, peak)
             return _interpolate_log_k(weight, below, above)
@@ -178,7 +179,10 @@ class CellCurves:
         return log_k
 
     def k_on_paths(self, paths: Array, steps: LoadProgramme) -> Array:
-        """Evaluate k (steps, paths) [m³] on pressure paths, the contact pressures of a cell at each step [Pa]."""
+        """Evaluate k (steps, paths) [m³] on pressure paths.
+
+        paths : contact pressure of a cell at each step, on each path (steps, paths) [Pa].
+        """
         peak = local_peaks(paths, steps)
         # at its own peak a cell is on the loading curve, even where the seal is being unloaded
         down = paths < peak
@@ -193,7 +197,7 @@ def _reopening_fraction(unloading: LogCurve) -> float:
 
 
 def _interpolate_log_k(weight: Array, a: Array, b: Array) -> Array:
-    """Interpolate ln k linearly, (1 − weight) a + weight b. If one value is −inf (closed), return the other one."""
+    """Interpolate ln k linearly, (1 − weight) a + weight b. If one of a and b is −inf (closed), return the other."""
     closed_a = np.isneginf(a)
     closed_b = np.isneginf(b)
     weight = np.where(closed_b, 0.0, weight)
@@ -203,10 +207,11 @@ def _interpolate_log_k(weight: Array, a: Array, b: Array) -> Array:
 
 
 def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
-    """Return the highest pressure that a cell has had up to each step, on each pressure path (steps, paths) [Pa].
+    """Return the highest pressure of a cell up to each step, on each pressure path (steps, paths) [Pa].
 
     The history of an unloading step is the loading up to its peak and the unloading from there. The pressure of a cell
-    may decrease while that of the seal increases. The cell then has its highest pressure at another step than the seal.
+    may decrease while that of the seal increases. The step at which the cell has its highest pressure then differs from
+    that at which the seal has it.
     """
     highest = paths.copy()
     for branch in steps.branches:

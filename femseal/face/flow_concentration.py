@@ -1,9 +1,9 @@
 """Measure how strongly the flow through a surface is concentrated in a few places.
 
-Near closing, the flow passes through a few constrictions, so that one measured patch says little about others. To
-count them, the surface is divided into blocks as large as one short wave. With the dissipation d in each block, the
-participation number N = (Σd)²/Σd² is the effective number of blocks that carry the flow. Source: Bell & Dean, Discuss.
-Faraday Soc. 50, 1970, 55, where N is the number of sites that a vibrational state occupies.
+In a nearly closed surface, the flow passes through a few constrictions, so that one measured patch says little about
+others. To count them, the surface is divided into blocks as large as one short wave. With the dissipation d in each
+block, the participation number N = (Σd)²/Σd² is the effective number of blocks that carry the flow. Source: Bell &
+Dean, Discuss. Faraday Soc. 50, 1970, 55, where N is the number of sites that a vibrational state occupies.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ def participation_number(dissipation: Floats, blocks: Shape) -> float:
 
 
 def blocks_of_one_wave(surface: Surface) -> Shape:
-    """Return the numbers of blocks along x1 and x2 for which a block is about as large as one short wave.
+    """Return the numbers of blocks along x1 and x2, so that each block is about as large as one short wave.
 
-    The short wave is a property of the surface and does not depend on the pixel size, see `short_wave`.
+    The wavelength of a short wave is a property of the surface and does not depend on the pixel size, see `short_wave`.
     """
     wave = short_wave(surface)
     m1, m2 = (max(1, round(length / wave)) for length in surface.size)
@@ -57,15 +57,15 @@ def blocks_of_one_wave(surface: Surface) -> Shape:
 
 
 def short_wave(surface: Surface) -> float:
-    """Return the wavelength [m] for which longer waves contain 95 % of the mean square slope.
+    """Return the wavelength [m] above which the waves contain 95 % of the mean square slope.
 
-    With several patches, it is the median over the patches.
+    For several patches, the result is the median over the patches.
     """
     return float(np.median([_short_wave(patch) for patch in surface.patches]))
 
 
 def _short_wave(patch: Topography) -> float:
-    """Return the short wave of a single map [m], see `short_wave`."""
+    """Return the wavelength `short_wave` of a single map [m]."""
     q1, q2 = wavenumber_grids(patch.shape, patch.spacing, patch.periodic)
     squared = q1**2 + q2**2
     heights = patch.heights - patch.heights.mean()

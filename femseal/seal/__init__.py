@@ -1,4 +1,4 @@
-"""Shapes of seals, their leakage for a given permeability, and maps of the contact pressure over a seal."""
+"""Define shapes of seals, compute their leakage for a given permeability, and map the contact pressure over a seal."""
 
 from typing import TYPE_CHECKING
 

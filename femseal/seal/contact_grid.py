@@ -1,7 +1,7 @@
 """Cover a seal with a regular grid, on which the contact of the whole seal is solved.
 
-A ring is unrolled: the rows of the grid run around the ring, one behind the other from the inlet to the outlet, and the
-length of a row is the mean circumference. A mesh is covered by a rectangle of squares; squares outside of the seal are
+A ring is unrolled. The rows of the grid run around the ring and follow each other from the inlet to the outlet; each
+row is as long as the mean circumference. A mesh is covered by a rectangle of squares; squares outside of the seal are
 ignored.
 """
 
@@ -43,7 +43,7 @@ class ContactGrid:
     tile : array of int, (n1, n2)
         Number of the tile in which each cell lies, −1 outside of the seal.
     averaging : sparse array, (tiles, n1·n2)
-        Matrix by which the values at the cells, row by row, are averaged over each tile. A tile that contains no cell
+        Matrix that averages values at the cells, numbered row by row, over each tile. A tile that contains no cell
         takes the value of the nearest cell.
     """
 
@@ -64,7 +64,7 @@ class ContactGrid:
         frame : Frame
             Coordinates of the seal.
         profile : bool
-            Whether the form of the seal does not vary along the seal. The grid then has more rows.
+            Whether the form varies only across the seal and not along it. The grid then has more rows.
         """
         if tiles.grid is None:
             return cls._over_mesh(tiles)
@@ -95,7 +95,7 @@ class ContactGrid:
 
     @classmethod
     def _over_mesh(cls, tiles: SealTiles) -> ContactGrid:
-        """Cover a mesh by squares, whose side is half that of a tile of mean size, within limits of their number."""
+        """Cover a mesh by squares with half the side of an average tile, within limits for the number of squares."""
         import pyvista
 
         mesh = tiles.seal.mesh
@@ -123,7 +123,7 @@ class ContactGrid:
         tile: Indices,
         tiles: SealTiles,
     ) -> ContactGrid:
-        """Make the grid with the matrix that averages over tiles.
+        """Make the grid, and compute the matrix that averages values at the cells over the tiles.
 
         tile : number of the tile in which each cell lies (n1, n2), −1 outside of the seal.
         """

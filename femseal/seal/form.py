@@ -35,7 +35,7 @@ _MOST_POINTS = 4096
 
 
 class SealForm(Protocol):
-    """Define the interface of a form."""
+    """Define the interface of a form of the whole seal."""
 
     @property
     def shortest_wave(self) -> float:
@@ -55,7 +55,7 @@ class SealForm(Protocol):
         Returns
         -------
         array, (n,)
-            Heights towards the other face [m], plus any constant.
+            Heights towards the other face [m], up to an additive constant.
 
         Raises
         ------
@@ -76,7 +76,8 @@ class WavyForm:
     lobes : int or None
         Number of waves around the seal.
     wavelength : float or None
-        Wavelength [m], instead of `lobes`. It is adjusted so that a whole number of waves fits around the seal.
+        Wavelength [m], instead of `lobes`. The wavelength is adjusted so that a whole number of waves fits around the
+        seal.
 
     Raises
     ------
@@ -152,8 +153,9 @@ class MeasuredForm:
     polar : bool
         Whether the points are given by radius and angle.
     middle : tuple of two float or None
-        Centre of a map [m], which is placed at the centre of a ring or mesh. On a strip, the corner of the map is
-        placed at the corner of the strip instead. None if the points are not those of a map.
+        Centre of the map from which the points were taken [m], or None if they are not from a map. On a ring or mesh,
+        this centre is placed at the centre of the seal. On a strip, the corner of the map is placed at the corner of
+        the strip instead.
     """
 
     points: Array = field(repr=False)
@@ -191,7 +193,7 @@ class MeasuredForm:
 
     @classmethod
     def from_map(cls, surface: Topography) -> MeasuredForm:
-        """Make a form from the defined points of a map of heights, such as that of a coarser instrument."""
+        """Make a form from the defined points of a map of heights, for example of a map from a coarser instrument."""
         points = middles(surface.size, surface.shape)
         is_defined = np.isfinite(surface.heights).ravel()
         form = cls.from_points(points[is_defined], surface.heights.ravel()[is_defined])
@@ -206,8 +208,8 @@ class MeasuredForm:
     def _typical_distance(self) -> float:
         """Median distance [m] of a point from its second nearest neighbour.
 
-        For points on a line or on a grid this is a spacing of the points. Of scattered points, the nearest neighbour
-        may be exceptionally near and is therefore not used.
+        For points on a line or on a grid, this is the spacing of the points. For scattered points, the nearest
+        neighbour is not used, because it may be exceptionally near.
         """
         from scipy.spatial import cKDTree
 
@@ -299,7 +301,7 @@ class FileForm:
 
     @cached_property
     def measured(self) -> MeasuredForm:
-        """Form with the heights in the file. The file is read only once."""
+        """Form that is read from the file. The file is read only once."""
         return read_form(self.path, unit=self.unit, length_unit=self.length_unit)
 
     @property
@@ -308,7 +310,7 @@ class FileForm:
         return self.measured.shortest_wave
 
     def heights(self, points: Array, frame: Frame) -> Array:
-        """Interpolate the heights of the file, see `MeasuredForm.heights`."""
+        """Interpolate the heights in the file, see `MeasuredForm.heights`."""
         return self.measured.heights(points, frame)
 
 

@@ -1,7 +1,7 @@
 """Describe the direction of the lay on a seal.
 
-The marks of machining run along x2 of the measured surface. The lay of a seal is the direction in which x2 of the
-surface points on the seal.
+Machining marks run along x2 of the measured surface. The lay of a seal is the direction in which x2 of the surface
+points on the seal.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Lay:
         Lead of a spiral [m]: the distance by which a groove advances across the seal in one turn. It is the distance
         between neighbouring grooves times the number of starts.
     circumference : float or None
-        For a strip with spiral grooves that is a part of a ring, the circumference of the ring [m]. By default it is
-        the length of the strip.
+        Circumference [m] of the ring, if a strip with spiral grooves is a part of a ring. Default: the length of the
+        strip.
     file : Path or None
         File with a vector field along the lay.
     array : str
@@ -97,7 +97,7 @@ class Lay:
     def check_lead(self, breadth: float) -> None:
         """Raise InputError if a spiral groove crosses a seal of the given breadth [m] in less than one turn."""
         if self.lead > breadth:
-            given = f"{to_text(self.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} broad"
+            given = f"{to_text(self.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} wide"
             expected = "at most the breadth: the groove would cross it within a turn"
             raise InputError("lay.lead", given, expected)
 
@@ -112,7 +112,9 @@ class Lay:
 def check_size(name: str, size: float, unit: str = "") -> None:
     """Raise InputError if a seal is so small or so large that its unit is probably wrong.
 
-    name : parameter that states the size. size : size of the seal [m]. unit : unit that the user has given.
+    name : parameter that states the size.
+    size : size of the seal [m].
+    unit : unit that the user has given.
     """
     low, high = _SIZES
     if not low <= size <= high:

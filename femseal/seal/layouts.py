@@ -39,9 +39,9 @@ def parse_lay(given: Any, folder: Path = Path()) -> Lay:
     Parameters
     ----------
     given : str, dict or Lay
-        One of: a name such as "radial"; a table {"angle": "30 deg"}, in which the angle may also be a number [rad]; a
-        table {"kind": "spiral", "lead": "60 um", "starts": 1}, in which the lead may also be a number [m]; a table
-        {"field": "file.vtu:name"}; or a `Lay`, which is returned unchanged.
+        A name such as "radial", or one of the tables {"angle": "30 deg"}, {"kind": "spiral", "lead": "60 um", "starts":
+        1} and {"field": "file.vtu:name"}. In a table, the angle may also be a number [rad], and the lead a number [m].
+        A `Lay` is returned unchanged.
     folder : Path
         Folder to which the path of a file with a vector field is relative.
 
@@ -78,7 +78,8 @@ def parse_lay(given: Any, folder: Path = Path()) -> Lay:
 def _to_si_value(given: Any, unit: str, name: str) -> float:
     """Convert text with a unit to a value in SI units. A finite number is returned unchanged.
 
-    unit : SI unit, such as "m". name : name of the key, for messages.
+    unit : SI unit, such as "m".
+    name : name of the key, for messages.
     """
     if isinstance(given, (int, float)) and not isinstance(given, bool) and isfinite(given):
         return float(given)
@@ -108,7 +109,7 @@ class Layout(Protocol):
         ------
         InputError
             The length of the seal is missing; a length or breadth is given although it follows from the shape; or the
-            cells are broader than the seal.
+            cells are wider than the seal.
         """
         ...
 
@@ -209,7 +210,7 @@ class AnnularLayout:
         check_size("outer_radius", 2 * self.outer_radius)
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
-        """Cover the ring with rows of tiles, which run around the ring one behind the other from inlet to outlet."""
+        """Cover the ring with rows of tiles, which run around the ring. The first row is at the inlet."""
         _refuse_sizes(self.kind, cell_size)
         from .tiles import cover_ring
 

@@ -47,7 +47,8 @@ def pressure_dependent_flow(
     flow : DarcyFlow
         Flow for a unit drop of the potential φ of viscous flow. `flow.potential` is φ as a fraction of this drop.
     permeability : array
-        Permeability of each element with which the linear flow problem in φ has the same solution [m³].
+        Equivalent permeability of each element [m³]. With this permeability, the linear flow problem in φ has the
+        solution of the nonlinear problem.
 
     Raises
     ------
@@ -95,7 +96,8 @@ def _in_viscous_potential(
 ) -> DarcyFlow:
     """Convert a flow for a unit drop of the potential ψ to one for a unit drop of the potential φ of viscous flow.
 
-    rate : flow rate for the unit drop of ψ [m³]. fraction : potential ψ at the points, as a fraction of its drop.
+    rate : flow rate for the unit drop of ψ [m³].
+    fraction : potential ψ at the points, as a fraction of the drop of ψ.
     """
     factor = drop.mean_factor
     potential = drop.viscous_fraction(fraction)
@@ -110,7 +112,9 @@ def _in_viscous_potential(
 
 
 def _element_values(seal: Seal, values: Array) -> Array:
-    """Bring permeabilities at m pressures into the shape (m, n) for n elements, or (m, n, 2) if they have two axes.
+    """Bring permeabilities at m pressures into the shape (m, n) or (m, n, 2).
+
+    There are n elements, each with one value or with two values along its axes.
 
     Raises InputError if the shape of the values does not fit the elements of the seal.
     """
@@ -128,8 +132,9 @@ def _element_values(seal: Seal, values: Array) -> Array:
 def _corner_range(seal: Seal, at_points: Array, shape: tuple[int, ...]) -> tuple[Array, Array]:
     """Return the lowest and the highest value at the corners of each of n elements.
 
-    at_points : values at the points of the seal. shape : shape of the permeability, (n,) or (n, 2). The results have
-    the shape (n,) or (n, 1) accordingly, so that they can be combined with it.
+    at_points : values at the points of the seal.
+    shape : shape of the permeability, (n,) or (n, 2). The results have the shape (n,) for the first and (n, 1) for the
+    second, so that NumPy can broadcast them with the permeability.
     """
     corners = seal.corner_values(at_points)  # (element, corner)
     lowest, highest = corners.min(axis=1), corners.max(axis=1)
@@ -212,8 +217,8 @@ def seal_leakage(
     Leakage
         Volume rates refer to the reference density of the fluid. `fluid_pressure` is given at the corners of the
         elements: an array (n1 + 1, n2) from inlet to outlet for a strip or a ring, and (n_vertices,) for a mesh. Points
-        that are connected only to the inlet or only to the outlet have the pressure of this end. Points that are
-        connected to neither end have NaN.
+        that are connected only to the inlet, or only to the outlet, have the pressure there. At points that are
+        connected to neither of them, the pressure is NaN.
 
     Raises
     ------

@@ -42,7 +42,7 @@ _ROUNDING = 1e-12
 
 
 def first_overlap(mesh: Mesh) -> tuple[int, ...]:
-    """Find two overlapping elements, of which at least one is at the boundary of the mesh.
+    """Find two overlapping elements, at least one of which is at the boundary of the mesh.
 
     Two convex polygons do not overlap if their projections on the normal of one of their edges do not (separating axis
     theorem).
@@ -217,7 +217,7 @@ def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[
 
 
 def boundaries_without_name(mesh: Mesh) -> Iterator[str]:
-    """Yield a warning for each connected line of the boundary, such as the rim of a hole, that has no name.
+    """Yield a warning for each connected part of the boundary, such as the rim of a hole, that has no name.
 
     Parameters
     ----------
@@ -240,7 +240,8 @@ def boundaries_without_name(mesh: Mesh) -> Iterator[str]:
 def _connected_parts(mesh: Mesh, corners: Indices) -> Indices:
     """Number the connected parts of a mesh, and return the number of the part to which each vertex belongs.
 
-    corners : array (k, n) with the vertices of n elements or facets, which connect their k corners.
+    corners : vertices of n elements or facets with k corners each, (k, n). The corners of an element or facet are
+    connected.
     """
     # links from the first corner to all others are enough
     starts = np.tile(corners[0], len(corners) - 1)
@@ -413,8 +414,9 @@ class ElementSeal:
         permeability : float or array, (n,), (n, 2) or (n, 2, 2)
             Permeability of the n elements as in `tensors` [m³].
         bounds : bool
-            Whether to compute both bounds and, as flow, their geometric mean. Otherwise the flow on a mesh is the upper
-            bound, which results from linear elements; the potential is the same.
+            Whether to compute a lower and an upper bound, and their geometric mean as the flow. Without bounds, the
+            flow on a mesh is that of linear elements, which is the upper bound. The potential is the same in both
+            cases.
         solver : str
             "multigrid" or "elimination" for rectangles whose lay is parallel to their edges, "amg" or "direct" on the
             mesh, or "auto".
@@ -439,7 +441,7 @@ class ElementSeal:
     def _flow_over_rectangles(
         self, rectangles: Rectangles, tensors: Array, bounds: bool, solver: str
     ) -> DarcyFlow:
-        """Compute the flow by the fast solver for rectangles, and sort the potential like the vertices of the mesh."""
+        """Compute the flow by the fast solver for rectangles, with the potential in the order of the mesh vertices."""
         k1, k2 = (tensors[:, a, a].reshape(rectangles.shape) for a in (0, 1))
         flow = rectangles.flow(k1, k2, bounds=bounds, solver=solver)
         potential, complement = np.empty((2, self.mesh.nvertices))
@@ -448,9 +450,10 @@ class ElementSeal:
         return replace(flow, potential=potential, complement=complement)
 
     def _flow_of_closed_axes(self, permeability: Any) -> float:
-        """Return the largest flow for a unit drop [m³] that may be due to the regularisation of closed axes alone.
+        """Return the flow for a unit drop [m³] below which a seal counts as closed.
 
-        A computed flow that is not larger than this counts as 0, see `_CLOSED_BELOW`.
+        Closed axes of elements get a small permeability, so that a closed seal has a small computed flow, see
+        `_CLOSED_BELOW`. This limit is larger than any such flow.
         """
         smaller, larger = principal_values(self.tensors(permeability))
         is_half_closed = (larger > 0) & (smaller <= 1e-14 * larger)

@@ -1,4 +1,4 @@
-"""Handle points, rectangular cells and polygons in a plane."""
+"""Provide functions for points, rectangular cells and polygons in a plane."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..base import Array, InputError, Pair, Shape, validate
 
 
 def plane_points(name: str, given: ArrayLike) -> Array:
-    """Check that `given` is at least three finite points (n, 2) [m], and return them as an array.
+    """Check that `given` consists of at least three finite points (n, 2) [m], and return them as an array.
 
     Raises InputError with the given name if it is anything else.
     """

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from ..base import Array, Indices, InputError, Pair, counted, to_text, validate
 from .plane import in_space, plane_points, polygon_areas
 
-#: A Delaunay triangle is taken for a gap in the field, such as the hole of a ring, if its longest side is more than
+#: A Delaunay triangle is treated as a gap in the field, such as the hole of a ring, if its longest side is more than
 #: this many times the median of all longest sides. For points on rings, this removes all triangles in the hole except a
 #: few at its rim.
 GAP = 4.0
@@ -40,7 +40,8 @@ class Frame:
     centre : tuple of two float
         Centre of polar coordinates [m].
     ends : tuple of two float or None
-        Values of x1 or of the radius at the inlet and at the outlet [m]; None if these are not constant, as on a mesh.
+        Value of x1, or of the radius, at the inlet and at the outlet [m]. None if it varies along the inlet or the
+        outlet, as on a mesh.
     """
 
     size: Pair | None = None
@@ -112,8 +113,8 @@ class Profile:
         Values >= 0 in any unit.
     positions : tuple of float
         Increasing positions of the values [m], between which the pressure is linear: x1 of a strip, counted from the
-        inlet, or the radius of a ring or mesh. Without positions, the seal is divided into sections of equal breadth,
-        each of which has one of the values, beginning with the section at the inlet.
+        inlet, or the radius of a ring or mesh. Without positions, the seal is divided into sections of equal width, and
+        each section has one of the values, beginning with the section at the inlet.
 
     Raises
     ------
@@ -315,7 +316,7 @@ class MapsAtLoads:
     """Hold maps for several nominal pressures, for example for a flange that bends with the load.
 
     Between the given nominal pressures the fractions are interpolated linearly; beyond them they are constant. They
-    depend only on the present nominal pressure, on loading and on unloading, as for a flange that bends elastically.
+    depend only on the current nominal pressure and not on the load history, as for a flange that bends elastically.
 
     Parameters
     ----------
@@ -357,7 +358,7 @@ def is_uniform(pressure_map: Any) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class PressedSeal:
-    """Define the seal over which pressure maps are averaged.
+    """Describe the area of a seal over which pressure maps are averaged.
 
     Attributes
     ----------
@@ -399,7 +400,7 @@ class PressedSeal:
         Returns
         -------
         array, (steps, n)
-            Fractions, whose mean over the seal is 1.
+            Ratios. Their mean over the seal is 1.
 
         Raises
         ------
@@ -435,7 +436,8 @@ class PressedSeal:
 def _numbers(name: str, values: Any, expected: str, **limits: Any) -> tuple[float, ...]:
     """Check a list of numbers and return it as a tuple; raise InputError if it is not a list of numbers.
 
-    expected : text that says what is expected. limits : limits of the numbers, see `validate.number`.
+    expected : description of the expected values, for the message.
+    limits : limits of the numbers, see `validate.number`.
     """
     try:
         return tuple(validate.number(name, v, **limits) for v in values)
@@ -444,7 +446,7 @@ def _numbers(name: str, values: Any, expected: str, **limits: Any) -> tuple[floa
 
 
 def _fractions(values: Any) -> tuple[float, ...]:
-    """Check that numbers are >= 0 and not all 0, and return them as a tuple."""
+    """Check that all numbers are >= 0 and at least one is > 0, and return them as a tuple."""
     fractions = _numbers("fractions", values, "a list of numbers >= 0", inclusive=True)
     if not fractions or not max(fractions) > 0:
         raise InputError("fractions", values, "a list of numbers >= 0, not all of them 0")

@@ -1,8 +1,8 @@
 """Read the mesh of a seal with its named boundaries, and fields of contact pressure, from files.
 
 The mesh is read by meshio. The names of boundaries are those of cell sets (Abaqus and others) or of physical groups
-(gmsh). A line element of the file names the facet of the mesh that has the same two vertices. A field is read from a
-mesh file such as .vtu, or from a text file with columns.
+(gmsh). A line element in the file gives its name to the facet of the mesh with the same two vertices. A field is read
+from a mesh file such as .vtu, or from a text file with columns.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ NAME_BOUNDARIES = (
 def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     """Read a mesh of linear triangles or quadrilaterals with named boundaries.
 
-    The elements are in the order of the file. Nodes that belong to no element are omitted. The name of a physical group
-    without a name is its number. In a .vtu file, the boundary to which a line belongs has the number in the cell data
-    "gmsh:physical" or "boundary", and this number is its name.
+    The elements are in the order of the file. Nodes that belong to no element are omitted. A physical group without a
+    name is called by its number. In a .vtu file, the cell data "gmsh:physical" or "boundary" contain, for each line,
+    the number of the boundary to which it belongs; this number is the name of the boundary.
 
     Parameters
     ----------
@@ -144,7 +144,8 @@ def _fields(data: Any) -> str:
 def _plane_points_of(file: Path, data: Any, cells: Any, rtol: float) -> Array:
     """Return the points (n, 2) of a mesh file; raise InputError if its cells do not lie in a plane of constant z.
 
-    cells : numbers of the points of the cells. rtol : allowed variation of z, as a fraction of the size of the mesh.
+    cells : indices of the points at the corners of the cells.
+    rtol : allowed variation of z, as a fraction of the size of the mesh.
     """
     points = np.asarray(data.points, dtype=float)
     corners = points[np.ravel(cells)]
@@ -168,7 +169,7 @@ def _check_size(file: Path, factor: float, what: str) -> None:
 
 
 def read_data(file: Path) -> Any:
-    """Read a mesh file by meshio, without the text that meshio prints.
+    """Read a mesh file by meshio, and suppress the text that meshio prints.
 
     Raises InputError with the message of meshio if the file cannot be read or does not fit into memory.
     """
@@ -206,7 +207,8 @@ def _has_tag(data: Any, tag: int) -> bool:
 def _named_lines(data: Any) -> dict[str, Indices]:
     """Return the end nodes (m, 2) of the lines of each named boundary.
 
-    The lines of a boundary are those in its cell set, or otherwise those that have its number.
+    The lines of a boundary are those in the cell set with its name. If there is no such set, they are the lines with
+    the number of the boundary.
     """
     named: dict[str, list[Indices]] = {}
     for name, members in data.cell_sets.items():
@@ -230,7 +232,7 @@ def _named_lines(data: Any) -> dict[str, Indices]:
 
 
 def _facets_with_ends(mesh: Mesh, ends: Indices) -> Indices:
-    """Return the facets whose two vertices are among given pairs (m, 2). Pairs that are not a facet are ignored."""
+    """Return the facets whose vertices form one of the given pairs (m, 2); pairs that form no facet are ignored."""
     n = mesh.nvertices
     # a pair of vertices is represented by a single number, which does not depend on their order
     facet_ends = np.sort(mesh.facets, axis=0)
@@ -343,9 +345,10 @@ def columns_of(file: Path) -> list[str]:
 
 
 def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
-    """Read the columns with the names `wanted` from a text file whose first line contains the names, (n, columns).
+    """Read the columns with the names `wanted` from a text file; return them as an array (n, columns).
 
-    Raises InputError if the file cannot be read, a column is missing or occurs twice, or an entry is not a number.
+    The first line of the file contains the names of the columns. Raises InputError if the file cannot be read, a column
+    is missing or occurs twice, or an entry is not a number.
     """
     (_, _, head), *rows = text_rows(file)
     names = [column.strip() for column in head]
@@ -399,7 +402,7 @@ def _read_triangles(file: Path, name: str) -> tuple[Any, Any, Any]:
 
 
 def _numbers(values: Any, file: Path, name: str) -> Any:
-    """Return data as an array with a number for each point or cell; raise InputError if they are anything else."""
+    """Check that data consist of one number for each point or cell, and return them as an array."""
     array = np.asarray(values)
     if array.dtype.kind not in "iuf" or array.size != len(array):
         given = f"'{name}' in '{file}' with shape {array.shape}"

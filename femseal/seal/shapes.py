@@ -1,6 +1,6 @@
 """Define strips and rings, and the interface of all shapes of seals.
 
-Strips and rings consist of rows of rectangles, one behind the other from the inlet to the outlet, and are periodic
+Strips and rings consist of rows of rectangles, which follow each other from the inlet to the outlet, and are periodic
 along the seal. The coordinates of a strip are (x1, x2). Those of a ring are (ln r, θ), in which Darcy's law has the
 same form. The permeability is constant in each rectangle. `femseal.flow.rectangles` computes the flow.
 
@@ -237,7 +237,7 @@ class RectangularSeal(PeriodicSeal):
 class AnnularSeal(PeriodicSeal):
     """Define a ring-shaped seal with radial leakage.
 
-    The ring consists of n_r rows of equal breadth, one behind the other from the inlet to the outlet. Each row has n_θ
+    The ring consists of n_r rows of equal width, which follow each other from the inlet to the outlet. Each row has n_θ
     elements. The permeability along the radius and along the angle may differ from element to element. In the
     coordinates (ln r, θ) the elements are rectangles, so that the flow is exact if the permeability does not vary
     around the ring. The fluid pressure is given at the corners of the elements.

@@ -2,7 +2,7 @@
 
 The permeability of a cell has the principal values k1 across the lay and k2 along the lay. A strip is periodic along
 x2. A ring is treated as a strip in the coordinates (ln r, θ), in which Darcy's law has the same form. Any other seal is
-a mesh; neighbouring elements that are smaller than a cell share a tile.
+given by a mesh; neighbouring elements that are smaller than a cell share a tile.
 """
 
 from dataclasses import dataclass, field, replace
@@ -21,15 +21,15 @@ from .plane import middles, polygon_areas
 
 #: Largest number of tiles between inlet and outlet.
 MOST_ROWS = 1000
-#: Smallest breadth of a ring, in cells. A warning is given if the width of the tiles at its inner radius is less than
-#: the same fraction of a cell, and an error if it is less than the second fraction.
+#: Smallest width of a ring, as a multiple of the width of a cell. A warning is given if the width of the tiles at its
+#: inner radius is less than the same fraction of a cell, and an error if it is less than the second fraction.
 _NARROW, _NARROWEST = 0.7, 0.35
 #: An element of a mesh counts as much larger than a cell if its area is more than this many times that of a cell. At
 #: this ratio the leakage scatters twice as much as it should.
 _MUCH_LARGER = 4.0
 #: A warning is given if much larger elements cover more than this fraction of the seal.
 _NOTABLE_PART = 0.1
-#: Relative difference up to which two breadths count as equal.
+#: Relative difference up to which two widths count as equal.
 _SAME = 1e-6
 
 
@@ -47,7 +47,7 @@ class CellSize:
         Length and breadth of the seal [m]; None if they are not known.
     most_tiles : int or None
         Largest number of tiles. If a strip or ring that does not vary along its length needs more tiles, only a part of
-        its length is covered. None to cover the whole seal.
+        its length is covered. If None, the whole seal is covered.
     """
 
     size: Pair
@@ -57,7 +57,10 @@ class CellSize:
     most_tiles: int | None = None
 
     def covered_columns(self, rows: int, columns: int) -> int:
-        """Return how many columns of tiles are covered of a seal with these rows and columns, see `most_tiles`."""
+        """Return the number of columns to be covered, so that there are at most `most_tiles` tiles.
+
+        rows, columns : numbers of rows and of columns of tiles of the whole seal.
+        """
         if self.most_tiles is None:
             return columns
         return min(columns, max(FEWEST_COLUMNS, self.most_tiles // rows))
@@ -110,7 +113,7 @@ class SealTiles:
 
     @cached_property
     def unrepeated_elements(self) -> Indices:
-        """Numbers of the elements, without those that `_strip` repeats if a strip is short."""
+        """Indices of the elements, without the repetitions that `_strip` adds to a short strip."""
         if self.grid is None:
             return np.arange(len(self.tile))
         # the first element of each tile
@@ -119,7 +122,7 @@ class SealTiles:
 
     @property
     def size(self) -> Pair:
-        """Breadth and length of the whole seal [m], of which the tiles may cover a part."""
+        """Breadth and length of the whole seal [m]. The tiles may cover only a part of the length."""
         breadth, length = self.seal.size
         unrepeated_fraction = self.unrepeated_elements.size / self.tile.size
         return breadth, length * unrepeated_fraction / self.part
@@ -194,7 +197,7 @@ class SealTiles:
         return np.stack([radial, circumferential], axis=-1)
 
     def element_means(self, permeability: Array, fluid_pressure: Array) -> tuple[Array, Array]:
-        """Reduce permeability (n, 2) [m³] and fluid pressure (n_vertices,) [Pa] to a number for each element.
+        """Average the permeability (n, 2) [m³] and the fluid pressure (n_vertices,) [Pa] over each element.
 
         Returns the geometric mean of the two permeabilities (n,) [m³], and the mean fluid pressure at the corners (n,)
         [Pa].
@@ -254,7 +257,7 @@ def harmonic_row_means(permeability: Array) -> Array:
 
 
 def face_tiles(size: Pair, cells: Shape) -> SealTiles:
-    """Make a strip of all cells of a surface of the given size [m] in their original order, with the lay along x2."""
+    """Make a strip of the given size [m] from all cells of a surface in their original order, with the lay along x2."""
     lay = np.tile([0.0, 1.0], (cells[0] * cells[1], 1))
     return replace(_strip(size, cells, lay), in_order=True)
 
@@ -295,7 +298,8 @@ def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
     If the lay is along or across the seal, tiles have the shape of a cell. For any other lay they are squares with the
     area of a cell.
 
-    size : sides of a cell along x1 and x2 [m]. along, across : names of the lays along and across the seal.
+    size : sides of a cell along x1 and x2 [m].
+    along, across : names of the lays along and across the seal.
     """
     if lay.name in (along, "spiral"):
         return size
@@ -306,11 +310,11 @@ def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
 
 
 def _row_count(breadth: float, side: float, name: str, given: float) -> int:
-    """Return the number of tiles between inlet and outlet.
+    """Return the number of tiles between inlet and outlet; raise InputError if there are too many.
 
-    breadth : breadth of the seal [m]. side : side of a tile across the seal [m]. name, given : name of the parameter
-    that determines the breadth, and its value [m], for the message of the InputError that is raised if there are too
-    many tiles.
+    breadth : breadth of the seal [m].
+    side : side of a tile across the seal [m].
+    name, given : name and value [m] of the parameter that determines the breadth, for the message.
     """
     rows = max(1, round(breadth / side))
     if rows > MOST_ROWS:
@@ -331,8 +335,8 @@ def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     breadth, middle = outer - inner, (inner + outer) / 2
     if breadth < _NARROW * d1:
         sides = " × ".join(to_text(side, "m", 3) for side in cell_size.size)
-        given = f"a ring {to_text(breadth, 'm', 3)} broad"
-        raise InputError("outer_radius", given, f"a ring at least as broad as a cell, {sides}")
+        given = f"a ring {to_text(breadth, 'm', 3)} wide"
+        raise InputError("outer_radius", given, f"a ring at least as wide as a cell, {sides}")
     rows = _row_count(breadth, d1, "outer_radius", outer)
     all_columns = max(FEWEST_COLUMNS, round(2 * pi * middle / d2))
     warnings = _check_innermost_tiles(inner, all_columns, d2)
@@ -374,7 +378,8 @@ def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
 def _check_innermost_tiles(inner: float, columns: int, side: float) -> tuple[str, ...]:
     """Warn if the tiles at the inner radius [m] are narrow; raise InputError if they are very narrow.
 
-    columns : number of tiles around the ring. side : side of a tile along the seal at the mean radius [m].
+    columns : number of tiles around the ring.
+    side : side of a tile along the seal at the mean radius [m].
     """
     relative_width = 2 * pi * inner / (columns * side)
     count = counted(columns, "column")
@@ -396,7 +401,7 @@ class _RingGeometry(NamedTuple):
     outlines : corners of the elements in the plane, (n, 4, 2) [m].
     centres : centres of the elements in the plane, (n, 2) [m].
     centre_radii : radii of these centres, (n,) [m].
-    mesh_axes : unit vectors in the directions of both coordinates of the mesh, as vectors in the plane, (n, axis, 2).
+    mesh_axes : directions of the two mesh coordinates at the centres, as unit vectors in the plane, (n, axis, 2).
     """
 
     rectangles: Rectangles
@@ -407,10 +412,12 @@ class _RingGeometry(NamedTuple):
 
 
 def _ring_geometry(radii: Pair, inlet: str, cells: Shape, part: float) -> _RingGeometry:
-    """Divide a ring into rows of elements, one behind the other from the inlet to the outlet.
+    """Divide a ring into rows of elements, which follow each other from the inlet to the outlet.
 
-    radii : inner and outer radius [m]. inlet : "inner" or "outer". cells : numbers of rows and columns. part : fraction
-    of the circumference that the columns cover.
+    radii : inner and outer radius [m].
+    inlet : "inner" or "outer".
+    cells : numbers of rows and columns.
+    part : fraction of the circumference that the columns cover.
     """
     rows, columns = cells
     # 1 if the radius increases in the direction of the flow, −1 if it decreases
@@ -513,8 +520,9 @@ def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
     A periodic mesh needs at least `FEWEST_COLUMNS` columns. A strip with fewer columns is repeated along its length,
     and the repeated elements belong to the same tiles.
 
-    size : breadth and length [m]. cells : numbers of rows and columns of tiles. lay : unit vector along the lay in each
-    tile, (tiles, 2).
+    size : breadth and length [m].
+    cells : numbers of rows and columns of tiles.
+    lay : unit vector along the lay in each tile, (tiles, 2).
     """
     repetitions = -(-FEWEST_COLUMNS // cells[1])  # rounded up
     n1, n2 = cells[0], repetitions * cells[1]

@@ -64,8 +64,8 @@ class NoDigest(TypeError):
 class CodeDescription:
     """Describe the functions, classes and objects in the input of one digest.
 
-    A function or class that appears for the second time is only described by its number, so that functions which call
-    each other can be described.
+    A function or class that has been described already is represented by a number, so that functions which call each
+    other can be described.
     """
 
     def __init__(self) -> None:
@@ -74,7 +74,7 @@ class CodeDescription:
         self._numbered: list[Any] = []
 
     def __call__(self, value: Any) -> Any:
-        """Describe a value by plain data and further values. The caller describes these values in the same way.
+        """Describe a value by a tuple of plain data and of other values, which the caller describes in turn.
 
         Raises
         ------
@@ -163,7 +163,7 @@ def _describe_object(value: Any) -> Any:
 
 
 def _describe_c_function(function: Any) -> Any:
-    """Describe a function that is written in C by its name and its class, or its name and its known module."""
+    """Describe a function written in C by its name together with its class, or with its module if that is known."""
     name = getattr(function, "__name__", None)
     owner = getattr(function, "__self__", None)
     if isinstance(owner, type):  # a class method, such as dict.fromkeys

@@ -16,8 +16,8 @@ def digest(value: Any) -> str:
 
     Parameters
     ----------
-    value : plain data, see `femseal.store.plain_data`. They may also contain paths, which are replaced by the content
-        of their files, and functions, classes and objects of users, which are replaced by a description of their code,
+    value : plain data, see `femseal.store.plain_data`. The data may also contain paths of files, which are replaced by
+        the content of the files. Functions, classes and objects of users are replaced by a description of their code,
         see `femseal.store.code`.
 
     Returns
@@ -26,8 +26,8 @@ def digest(value: Any) -> str:
 
     Raises
     ------
-    NoDigest : the value contains something else, such as an object whose class is written in C, or the path of a file
-        that cannot be read.
+    NoDigest : the value contains something else, for example an object whose class is written in C, or the path of a
+        file that cannot be read.
 
     Examples
     --------

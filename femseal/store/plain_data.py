@@ -77,14 +77,15 @@ def describe(
 ) -> Any:
     """Describe a value by nested lists, numbers and texts, which can be written as JSON.
 
-    A number, text or None describes itself. All other values are described by a list: the name of their type, followed
-    by the descriptions of their members.
+    Numbers, texts and None stand for themselves. All other values are described by a list: the name of their type,
+    followed by the descriptions of their members.
 
     Parameters
     ----------
     value : the value.
-    append : stores the bytes of an array, and returns the position of their content.
-    substitute : returns plain data in place of a value that is not plain data. By default such a value is an error.
+    append : function that stores the bytes of an array, and returns the position at which they begin.
+    substitute : function that returns plain data for a value that is not plain data. By default such a value is an
+    error.
 
     Raises
     ------
@@ -119,7 +120,7 @@ def describe(
 
 
 def _restore(description: Any, content: memoryview) -> Any:
-    """Restore a value from its description, see `describe`, and from the content of all arrays."""
+    """Restore a value from its description (see `describe`) and from the stored bytes of all arrays."""
     if isinstance(description, dict):
         raise ValueError("no description of a value")
     if not isinstance(description, list):
@@ -144,10 +145,10 @@ def _restore(description: Any, content: memoryview) -> Any:
 
 
 def _array_in(content: memoryview, dtype: str, shape: Any, order: Any, start: int) -> Any:
-    """Return an array whose numbers begin at byte `start`; raise TypeError if the content ends before their end."""
+    """Return the array whose numbers begin at byte `start`; raise TypeError if the content is too short."""
     numbers = np.dtype(dtype)
     if numbers.kind not in _NUMBERS or min((start, *shape)) < 0:
-        raise ValueError(f"no array of numbers: {numbers}, {shape}, {start}")
+        raise ValueError(f"not an array of numbers: {numbers}, {shape}, {start}")
     size = math.prod(shape) * numbers.itemsize
     data = content[start : start + size] if size else None
     return np.ndarray(shape, numbers, data, order=order)

@@ -41,7 +41,7 @@ Item = tuple[Any, ...]
 
 
 class _Record(NamedTuple):
-    """File of a record, position of its first byte in this file, and size [byte]."""
+    """Hold the file of a record, the position of its first byte in this file, and its size [byte]."""
 
     path: Path
     start: int
@@ -49,9 +49,10 @@ class _Record(NamedTuple):
 
 
 class _Pending(NamedTuple):
-    """Item whose result has not been returned yet.
+    """Hold an item whose result has not been yielded yet.
 
-    key : key of its result. item : the item if its result is stored already, or None if the mapper computes it.
+    key : key of the result.
+    item : the item if its result is stored already; None if the mapper computes the result.
     """
 
     key: bytes
@@ -64,7 +65,7 @@ class Store:
     Parameters
     ----------
     folder : folder of the results; it is created when the first result is written.
-    required : whether it is an error if a result cannot be written. If not, the store stops writing.
+    required : whether it is an error if a result cannot be written. If it is not, the store stops writing.
     """
 
     def __init__(self, folder: Path, *, required: bool = True) -> None:
@@ -108,10 +109,11 @@ class Store:
         return partial(_key, digest((numerical_versions(), stage.key or stage.function)))
 
     def over(self, mapper: Mapper) -> Mapper:
-        """Return a mapper that reads results from the folder. It computes all other results, and writes them.
+        """Return a mapper that reads stored results, and computes and stores all other results by `mapper`.
 
-        The mapper below may ask for many items in advance. It only receives the items that must be computed. A queue of
-        all items puts the computed and the stored results in the order of the items again.
+        `mapper` only receives the items that must be computed, and may take many of them in advance. Therefore all
+        items pass through a queue, from which the stored and the computed results are yielded in the order of the
+        items.
         """
 
         def map_stage(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
@@ -126,7 +128,7 @@ class Store:
             submitted: set[bytes] = set()
 
             def items_to_compute() -> Iterator[Item]:
-                """Yield the items that must be computed, and append all items to `pending`."""
+                """Yield the items that must be computed; append these and all other items to `pending`."""
                 for item in zip(*iterables, strict=False):
                     key = key_of(item)
                     if key in self._records or key in submitted:
@@ -155,7 +157,7 @@ class Store:
         return map_stage
 
     def _index(self, path: Path) -> None:
-        """Index the records that were added to a file since it was last indexed. The last one may be incomplete."""
+        """Index the records that were added to a file since it was last indexed. The last record may be incomplete."""
         start = self._indexed.get(path, 0)
         end = path.lstat().st_size
         if start + _HEAD.size > end:

@@ -23,7 +23,7 @@ from .topography import Topography
 
 @dataclass(frozen=True)
 class Overlap(Labelled):
-    """Describe the area where two faces overlap, and whether the second face was interpolated."""
+    """Describe the area in which two faces overlap, and state whether the second face was interpolated."""
 
     shape: Shape = labelled("points of the overlap")
     size: Pair = labelled("size of the overlap", "m")
@@ -106,7 +106,8 @@ def _add_overlapping(
 ) -> tuple[Topography, Overlap]:
     """Add two faces on the largest rectangle that both cover. The result has the pixels of the first face.
 
-    angle : rotation of the second face [rad]. shift : shift of the second face along x1 and x2, (2,) [m].
+    angle : rotation of the second face [rad].
+    shift : shift of the second face along x1 and x2, (2,) [m].
     """
     if second.undefined_fraction:
         expected = "a map without them: use fill_undefined() first"
@@ -134,7 +135,10 @@ def _add_overlapping(
 def _index_into_second(
     first: Topography, second: Topography, angle: float, shift: NDArray
 ) -> NDArray:
-    """Return where the pixel centres of the first face lie on the second, as fractional indices (axis, n1, n2)."""
+    """Return the positions of the pixel centres of the first face on the second face.
+
+    The positions are fractional indices into the map of the second face, (axis, n1, n2).
+    """
     # u = R(−θ)(p − s), because the second face has been mirrored already
     x1 = _centred_positions(first.shape[0], first.spacing[0]) - shift[0]
     x2 = _centred_positions(first.shape[1], first.spacing[1]) - shift[1]

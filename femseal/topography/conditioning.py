@@ -1,8 +1,9 @@
 """Condition a measured map for contact and flow: remove spikes and form, fill undefined points, and low-pass it.
 
 The form is fitted to the defined points before anything is filled, because filled points would distort it. Points that
-are taken for spikes may be real parts of the surface. If they are among its highest or deepest points, contact and
-leakage depend on whether they are removed; `spikes_extreme` measures how many of these points are spikes.
+are treated as spikes may be real features of the surface. If they are among its highest or deepest points, contact and
+leakage depend on whether they are removed. `spikes_extreme` measures how many of the highest and deepest points would
+change.
 
 The shortest wave that an instrument resolves follows from its tip radius or its lateral resolution. A round tip of
 radius R follows a wave of amplitude a and wavelength λ if the wave is blunter than the tip, a(2π/λ)² <= 1/R, which
@@ -45,7 +46,8 @@ from .topography import SLACK, Topography
 _EXTREMES = (0.01, 0.03, 0.1)
 #: Fraction of the extreme points above which spikes may decide the leakage.
 _NOTABLE = 0.01
-#: Waves that the instrument does not see count as removed down to the shortest visible wave divided by this ratio.
+#: Waves that the instrument does not resolve count as removed, down to the shortest resolved wave divided by this
+#: ratio.
 UNSEEN = 10.0
 
 
@@ -70,14 +72,14 @@ class Instrument:
     def spectrum(self, flat: Surface) -> Spectrum:
         """Summarise the spectrum of a map whose form was subtracted.
 
-        For a generated surface the summary contains the shortest wave that was generated, and nothing is estimated.
+        For a generated surface the summary only contains the shortest wave that was generated.
         """
         if self.generated_wave is not None:
             return Spectrum(self.generated_wave, 0.0, None)
         return spectrum(flat)
 
     def shortest_wave(self, flat: Surface) -> float:
-        """Return the wavelength [m] of the shortest waves of a map that the instrument sees; 0 if no limit is known."""
+        """Return the shortest wavelength [m] in a map that the instrument resolves; 0 if no limit is known."""
         limits = [self.resolution or 0.0]
         if self.tip_radius is not None:
             for patch in flat.patches:
@@ -91,9 +93,12 @@ UNKNOWN = Instrument()
 
 
 def _shortest_followed_wave(flat: Topography, axis: int, radius: float) -> float:
-    """Return the wavelength [m] of the shortest waves of profiles that a tip follows; 0 if it follows all waves.
+    """Return the shortest wavelength [m] that a stylus tip follows on the profiles of a map.
 
-    axis : axis along which the profiles run. radius : radius of the tip [m].
+    The result is 0 if the tip follows all waves of the profiles.
+
+    axis : axis along which the profiles run.
+    radius : radius of the tip [m].
     """
     q, density = flat.psd(axis)
     # Mean square curvature of all waves up to each wave number, (waves,). The tip follows waves whose curvature, √2
@@ -185,12 +190,15 @@ def repair(
 
 
 def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float:
-    """Return the largest fraction of the highest or lowest points that would change if spikes were kept.
+    """Return the fraction of the extreme points that would be other points if spikes were kept.
+
+    The fraction is computed for the highest and for the lowest points, with each threshold in `_EXTREMES`. The largest
+    of these fractions is returned.
 
     Parameters
     ----------
     flat : Topography
-        The map with filled spikes.
+        The map in which spikes were replaced.
     removed : array, (n1, n2)
         Height of each spike above the surface that replaced it [m], 0 at all other points.
     wavelength : float
@@ -208,7 +216,11 @@ def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float
 
 
 def _extreme_points(heights: NDArray) -> list[Flags]:
-    """Return two maps for each fraction in `_EXTREMES`: of the highest and of the lowest points, (n1, n2) each."""
+    """Mark the extreme points of a map for each fraction in `_EXTREMES`.
+
+    Returns two boolean maps (n1, n2) for each fraction: the first is True at the highest points, the second at the
+    lowest points.
+    """
     extreme = []
     for fraction in _EXTREMES:
         low, high = np.quantile(heights, (fraction, 1 - fraction))
@@ -228,7 +240,7 @@ class Conditioning(Labelled):
     Attributes
     ----------
     reading : tuple of str
-        Sentences on how the file was understood, where this is not obvious.
+        Notes on how the file was interpreted, where this is not obvious.
     """
 
     undefined_fraction: float = labelled("undefined points, filled", percent=True)
@@ -260,9 +272,9 @@ class Conditioning(Labelled):
 
     @property
     def kept_slope(self) -> float:
-        """Rms slope after conditioning over the rms slope of all waves, 0 to 1.
+        """Ratio of the rms slope after conditioning to the rms slope of all waves, 0 to 1.
 
-        All waves include those that were removed (but not noise) and those that the instrument did not see.
+        All waves include the waves that were removed (but not noise) and the waves that the instrument did not resolve.
         """
         total = hypot(self.rms_slope_measured, self.unseen_slope or 0.0)
         if not total:
@@ -271,7 +283,7 @@ class Conditioning(Labelled):
 
     @property
     def spike_warnings(self) -> list[str]:
-        """A sentence that warns if spikes may decide contact and leakage; otherwise an empty list."""
+        """Warnings for the user if spikes may decide contact and leakage; empty otherwise."""
         if not self.spikes_extreme > _NOTABLE:
             return []
         return [
@@ -283,9 +295,9 @@ class Conditioning(Labelled):
 
     @property
     def unseen(self) -> str:
-        """A sentence on the waves that the instrument does not see.
+        """Text for the user about the waves that the instrument does not resolve.
 
-        It is "" if no limit of the instrument is known, or if these waves were added to the map.
+        The text is empty if no limit of the instrument is known, or if these waves were added to the map.
         """
         if self.shortest_seen is None or self.unseen_slope == 0:
             return ""
@@ -323,15 +335,15 @@ def condition(
     topography : Topography or Patches
         The map as measured, or several patches, each of which is conditioned separately.
     spikes : float
-        Threshold of isolated points that are taken for spikes, see `find_spikes`. If infinite, spikes are kept.
+        Threshold above which isolated points are treated as spikes, see `find_spikes`. If infinite, spikes are kept.
     detrend : int, optional
         Order of the form: 0 mean, 1 tilt, 2 tilt and curvature. Default: the tilt, except along axes on which the map
         is periodic without a step, see `Topography.form`.
     shortest_wave : float, optional
-        Shortest wave that is kept [m]. The default is the longest of three wavelengths: 8 pixels of the final grid; the
-        shortest wave that the instrument sees; and the shortest wave above noise and cut-off (see `describe_surface`),
-        or 8 measured pixels if these are shorter. To keep waves of less than 8 measured pixels, give a `shape` with at
-        least 8 pixels per wave.
+        Shortest wave that is kept [m]. The default is the longest of three wavelengths. The first is 8 pixels of the
+        final grid. The second is the shortest wave that the instrument resolves. The third is the shortest wave above
+        noise and cut-off (see `describe_surface`), but at most 8 pixels of the measured map. To keep waves that are
+        shorter than 8 measured pixels, give a `shape` with at least 8 pixels per wave.
     max_undefined : float
         Largest fraction of undefined points, from 0 to 1, that may be filled, including spikes.
     shape : tuple of two int, optional
@@ -346,7 +358,7 @@ def condition(
     topography : Topography or Patches
         The conditioned map.
     conditioning : Conditioning
-        Report of what was done.
+        Report on the conditioning.
 
     Raises
     ------
@@ -404,9 +416,9 @@ def smooth(
     flat : Topography or Patches
         The repaired map.
     form : Form
-        Form that was subtracted; with several patches, that of the first one.
+        Form that was subtracted; with several patches, the form of the first patch.
     parts : sequence of tuples of Topography and Repair
-        The results of `repair` for all maps from which the map was made.
+        The results of `repair` for all measured maps of which this map is composed.
     shortest_wave, shape, instrument
         See `condition`.
 
@@ -415,7 +427,7 @@ def smooth(
     topography : Topography or Patches
         The conditioned map.
     conditioning : Conditioning
-        Report of what was done.
+        Report on the conditioning.
     """
     waves = instrument.spectrum(flat)
     seen = instrument.shortest_wave(flat)
@@ -455,10 +467,10 @@ def smooth(
 
 
 def default_wave(flat: Surface, shape: Shape, instrument: Instrument) -> float:
-    """Return the shortest wave [m] that is kept on a grid by default, see `condition`.
+    """Return the shortest wavelength [m] that `condition` keeps on a grid by default.
 
-    Noise does not make it longer than 8 measured pixels: without knowledge of the instrument, a longer wave would be a
-    guess.
+    Noise in the spectrum can raise this wavelength to at most 8 measured pixels. Without knowledge of the instrument, a
+    longer wavelength would be a guess.
     """
     measured = instrument.spectrum(flat).shortest_wave
     carried_by_map = resolved_wave(flat.size, flat.shape)
@@ -467,12 +479,12 @@ def default_wave(flat: Surface, shape: Shape, instrument: Instrument) -> float:
 
 
 def resolved_wave(size: Pair, shape: Shape) -> float:
-    """Return the shortest wave that has 8 pixels on a grid [m]."""
+    """Return the shortest wavelength [m] that has 8 pixels on a grid."""
     return PIXELS_PER_WAVE * max(length / n for length, n in zip(size, shape, strict=True))
 
 
 def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
-    """Choose the number of points so that a wave has 8 pixels or a few more, and Fourier transforms are fast.
+    """Choose the number of points so that a wave has 8 pixels or slightly more, and Fourier transforms are fast.
 
     Parameters
     ----------
@@ -481,7 +493,7 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
     wave : float
         Shortest wave that is to be kept [m].
     most : float
-        Approximate limit of the number of points. If the wave needs more, the pixels are larger.
+        Approximate limit of the number of points. If 8 pixels per wave require more points, the pixels are made larger.
 
     Examples
     --------
@@ -498,7 +510,9 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
 def check_wave(wave: float, size: Pair, shape: Shape) -> float:
     """Check that a wave has at least 8 pixels on a grid and is shorter than the surface, and return it.
 
-    wave : wavelength [m]. size : sides of the surface [m]. shape : number of points of the grid.
+    wave : wavelength [m].
+    size : sides of the surface [m].
+    shape : number of points of the grid.
     """
     shortest = validate.number("shortest_wave", wave, unit="m")
     resolved = resolved_wave(size, shape)

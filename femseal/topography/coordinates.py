@@ -16,9 +16,9 @@ from ..base import Indices, InputError, Pair, as_text, counted
 
 #: Largest distance of a coordinate from the grid, as a fraction of a step.
 _OFF_GRID = 0.15
-#: A table is taken for coordinates if its points fill this fraction of a grid, whatever the number of its columns.
+#: A table is treated as coordinates if its points fill this fraction of a grid, whatever the number of its columns.
 _WELL_FILLED = 0.5
-#: A table with three columns is taken for coordinates if its points fill this fraction of a grid.
+#: A table with three columns is treated as coordinates if its points fill this fraction of a grid.
 _HARDLY_FILLED = 0.1
 #: Smallest number of lines of a table with three columns that is not a narrow matrix.
 _FEWEST_LINES = 9
@@ -29,7 +29,7 @@ _SHORTEST_PROFILE = 3
 
 
 class Columns(NamedTuple):
-    """Hold the numbers of the columns of x, y and z in a table, counted from 0."""
+    """Hold the indices of the columns with x, y and z in a table."""
 
     x: int
     y: int
@@ -53,7 +53,7 @@ class MapOfTable:
     columns : Columns
         Columns of x, y and z in the table.
     notes : tuple of str
-        Sentences on how the table was understood.
+        Notes on how the table was interpreted.
     """
 
     heights: NDArray
@@ -63,7 +63,7 @@ class MapOfTable:
 
 
 def map_of_table(table: NDArray, names: Sequence[str] = ()) -> MapOfTable:
-    """Read the heights from a table of numbers, which is a matrix or has coordinates.
+    """Read the heights from a table of numbers: a matrix of heights, or a list of coordinates x, y and z.
 
     Parameters
     ----------
@@ -125,9 +125,10 @@ def refuse_profile(table: NDArray) -> None:
 
 
 def profile_error(z: NDArray, given: str) -> InputError:
-    """Make an InputError about a file that contains a profile; it says how a profile can be used instead.
+    """Make an InputError about a file that contains a profile. Its message says how the profile can be used instead.
 
-    z : heights (points,), NaN where undefined. given : what the file contains.
+    z : heights (points,), NaN where undefined.
+    given : description of the content of the file.
     """
     defined = z[np.isfinite(z)]
     roughness = ""
@@ -146,9 +147,10 @@ def profile_error(z: NDArray, given: str) -> InputError:
 
 
 def _find_columns(table: NDArray, names: Sequence[str]) -> Columns | None:
-    """Find the columns of x, y and z, by their names or as the first three columns after an index.
+    """Find the columns of x, y and z.
 
-    Returns None if the table has fewer columns.
+    The columns are found by their names. Without names, they are the first three columns, or the three columns after a
+    running index. Returns None if the table has fewer than three columns.
     """
     named = Columns(
         _column_with_name(names, "x"),
@@ -167,7 +169,7 @@ def _find_columns(table: NDArray, names: Sequence[str]) -> Columns | None:
 
 
 def _column_with_name(names: Sequence[str], beginnings: str | tuple[str, ...]) -> int:
-    """Return the first column whose name begins in one of these ways, -1 if there is none."""
+    """Return the index of the first column whose name begins with one of the given words; -1 if there is none."""
     for n, name in enumerate(names):
         if name.startswith(beginnings):
             return n
@@ -218,8 +220,9 @@ def _read_grid(table: NDArray, columns: Columns) -> MapOfTable | None:
 def _check_unique_heights(x: NDArray, y: NDArray, z: NDArray, stored: NDArray) -> None:
     """Raise InputError if a point has several heights.
 
-    x, y, z : columns of the table (lines,). stored : height that the grid has at the point of each line (lines,). If
-    several lines have the same point, the last one has overwritten the others.
+    x, y, z : columns of the table (lines,).
+    stored : height in the grid at the point of each line of the table (lines,). If several lines refer to the same
+    point, this is the height in the last of them.
     """
     differs = (stored != z) & ~(np.isnan(stored) & np.isnan(z))
     if differs.any():
@@ -231,7 +234,7 @@ def _check_unique_heights(x: NDArray, y: NDArray, z: NDArray, stored: NDArray) -
 def _notes_on_grid(
     n1: int, n2: int, filled_points: int, table_columns: int, columns: Columns
 ) -> tuple[str, ...]:
-    """Say how a table of coordinates was understood."""
+    """Write notes on how a table of coordinates was interpreted."""
     note = f"the table x y z is a grid of {n1} × {n2} points"
     missing = n1 * n2 - filled_points
     if missing:
@@ -248,16 +251,16 @@ def _notes_on_grid(
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Hold equidistant values.
+    """Hold the positions of values on a lattice of equidistant points.
 
     Parameters
     ----------
     index : array of int, (values,)
-        Number of each value on the lattice, counted from 0.
+        Index of the lattice point at which each value lies, counted from 0.
     points : int
         Number of points of the lattice.
     step : float
-        Distance between its points.
+        Distance between neighbouring points of the lattice.
     """
 
     index: Indices
@@ -266,10 +269,11 @@ class Lattice:
 
 
 def find_lattice(values: NDArray) -> Lattice | None:
-    """Find the regular lattice on which values lie; return None if they do not lie on one.
+    """Find the lattice of equidistant points on which values lie; return None if there is no such lattice.
 
     Some points of the lattice may be missing. The step is first estimated from the smallest distances between values.
-    It is then improved twice by a straight line, which is fitted to all values over their index.
+    Then a straight line is fitted to the values as a function of their lattice index, and its slope is the improved
+    step. This is repeated once.
 
     values : array (values,), in any order.
     """
@@ -323,7 +327,7 @@ def _irregular_error(table: NDArray, columns: Columns) -> InputError:
 
 
 def _read_matrix(table: NDArray) -> MapOfTable:
-    """Read a matrix of heights, without its first column or line if that is an axis."""
+    """Read a matrix of heights, without the first column or line if this contains the coordinates of an axis."""
     notes = []
     if min(table.shape) >= _FEWEST_LINES:
         for name, axis in (("column", 1), ("line", 0)):

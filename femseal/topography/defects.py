@@ -103,7 +103,7 @@ def fit_form(heights: NDArray, size: Pair, order: int, tilted: Periodic = (True,
     order : int
         0 for the mean, 1 for mean and tilt, 2 for mean, tilt and curvature.
     tilted : tuple of two bool
-        Whether the form may vary along x1, and whether it may vary along x2.
+        Whether the form may vary along x1 and along x2.
 
     Raises
     ------
@@ -157,15 +157,15 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
     A spike is a group of at most four points with |z − m| > `threshold` · s. The group must stand alone: no point next
     to it deviates in the same direction by more than half of the deviation of the tip of the group. Ridges, edges and
     corners of real asperities continue in a neighbouring point, and so do all summits that the instrument resolves;
-    therefore they are not spikes. For this test s is not smaller than its median over the map or than a step of
-    quantised heights. Where the surface is steep, s is larger.
+    therefore they are not spikes. In this test, s is at least as large as its median over the map and as the step of
+    quantised heights. On steep parts of the surface, s is larger.
 
     Parameters
     ----------
     heights : array, (n1, n2)
-        Heights as measured [m], NaN where undefined. Their form of second order is subtracted first.
+        Heights as measured [m], NaN where undefined. A quadratic form is subtracted before the search.
     threshold : float
-        Deviation in robust standard deviations, > 0. If infinite, there are no spikes.
+        Smallest deviation of a spike in robust standard deviations, > 0. If infinite, no point is a spike.
 
     Returns
     -------
@@ -204,9 +204,12 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
 
 
 def _stands_alone(group: Flags, flat: NDArray, median: NDArray) -> bool:
-    """Return whether no point next to a group deviates by more than half of the deviation of the tip of the group.
+    """Return whether a group of deviating points is isolated.
 
-    group : points of the group in a window. flat, median : heights and their medians in this window [m].
+    The group is isolated if no neighbouring point deviates by more than half of the largest deviation within the group.
+
+    group : whether each point in a part of the map belongs to the group.
+    flat, median : heights of the same points, and the median of the heights around each of them [m].
     """
     deviation = np.where(group, np.abs(flat - median), -1.0)
     tip = np.unravel_index(np.argmax(deviation), group.shape)
@@ -228,9 +231,9 @@ def _blocks(shape: tuple[int, ...]) -> Iterator[slice]:
 
 
 def _window_medians(z: NDArray) -> tuple[NDArray, NDArray]:
-    """Return the median in the window of each point, and the median absolute deviation from it, both (n1, n2).
+    """Compute the median and the median absolute deviation in the window around each point, both (n1, n2).
 
-    The deviation is in single precision to save memory, which is enough for comparing it with a threshold.
+    The deviation is in single precision to save memory. This is precise enough for a comparison with a threshold.
     """
     side = 2 * _REACH + 1
     median = np.empty_like(z)
@@ -263,7 +266,7 @@ def _row_medians(values: NDArray) -> NDArray:
 
 
 def _height_step(heights: NDArray) -> float:
-    """Return the step between the heights of quantised data [m], at least the size of rounding errors."""
+    """Return the step between the heights of quantised data [m]; without steps, the size of rounding errors."""
     ordered = heights[~np.isnan(heights)]
     ordered.sort()
     # A height that at least m points share is equal to the height m − 1 positions later in this order. If more than m

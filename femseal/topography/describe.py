@@ -97,7 +97,7 @@ def describe_surface(
         Order of the form that is subtracted first: 0 mean, 1 tilt, 2 tilt and curvature. Default: the tilt, except
         along axes on which the map is periodic without a step, see `Topography.form`.
     spikes : float
-        Threshold of `find_spikes`. If infinite, no points are taken for spikes.
+        Threshold of `find_spikes`. If infinite, no points are treated as spikes.
     max_undefined : float
         Largest fraction of points, from 0 to 1, that may be filled for slopes, texture and spectrum.
 
@@ -153,9 +153,10 @@ def describe_surface(
 
 
 class _CutOff(NamedTuple):
-    """Hold the cut-offs of a pair of filters of the standard series.
+    """Hold the cut-offs of one pair of standard roughness filters.
 
-    least_ra : smallest Ra for which these filters are used [m]. long, short : cut-offs λc and λs [m].
+    least_ra : smallest Ra for which these filters are used [m].
+    long, short : cut-offs λc and λs [m].
     """
 
     least_ra: float
@@ -178,11 +179,11 @@ _SECTIONS = 5
 def roughness(flat: Topography) -> dict[str, Any]:
     """Return the roughness parameters of a map by their names in `SurfaceReport`.
 
-    The parameters of profiles are means over all profiles along x1, and over all profiles along x2. For each direction,
-    λc is the longest cut-off of the standard series that is not longer than the profile and for which the filtered
-    profiles have an Ra in the range for which the standard recommends it; it is NaN if every cut-off is longer than the
-    profile. For the parameters of the surface, the filters with the longer λc of both directions are applied along both
-    axes.
+    The parameters of profiles are means over all profiles along x1, and over all profiles along x2. The cut-off λc is
+    chosen separately for the profiles along x1 and along x2. It is the longest standard cut-off that is not longer than
+    the profile and that the standard recommends for the Ra of the filtered profiles. It is NaN if every cut-off is
+    longer than the profile. For the parameters of the surface, the two values of λc are compared, and the filters with
+    the longer one are applied along both axes.
 
     flat : map without its form and without undefined points.
     """
@@ -243,9 +244,11 @@ def material_ratios(z: NDArray) -> dict[str, Any]:
 
 
 def _triangle(heights: NDArray) -> float:
-    """Return the height [m] of the triangle with the same base and area as a part of the material ratio curve.
+    """Return the height [m] of the triangle that replaces the peaks above the core, or the valleys below it.
 
-    heights : heights of the points of this part above its base (points,) [m].
+    In the diagram of the material ratio curve, the triangle has the same base and the same area as the replaced part.
+
+    heights : heights of the peaks above the core, or depths of the valleys below it (points,) [m].
     """
     return 2 * float(heights.mean()) if heights.size else 0.0
 
@@ -253,7 +256,8 @@ def _triangle(heights: NDArray) -> float:
 def developed_area(z: NDArray, spacing: Pair) -> float:
     """Return the developed interfacial area ratio Sdr [-], the mean of √(1 + |∇z|²) minus 1.
 
-    z : heights (n1, n2) [m]. spacing : pixel size [m].
+    z : heights (n1, n2) [m].
+    spacing : pixel size [m].
     """
     slope1 = scipy.ndimage.correlate1d(z, _DERIVATIVE, 0) / spacing[0]
     slope2 = scipy.ndimage.correlate1d(z, _DERIVATIVE, 1) / spacing[1]
@@ -271,7 +275,7 @@ class _ProfileParameters(NamedTuple):
 
 
 def _profile_parameters(flat: Topography, axis: int) -> _ProfileParameters:
-    """Return the roughness parameters of the profiles along an axis; NaN if they are shorter than every cut-off."""
+    """Return the roughness parameters of profiles along an axis; NaN if every cut-off is longer than the profiles."""
     parameters = _ProfileParameters()
     # from the longest cut-off to the shortest, until the Ra is large enough for the filters
     for filters in _SERIES:
@@ -298,7 +302,8 @@ def _gaussian_filter(
 ) -> NDArray:
     """Apply the Gaussian filter with a given cut-off [m] along some axes; return NaN if the cut-off is NaN.
 
-    flat : map that gives the spacing. z : heights (n1, n2) [m], which continue as their mirror image.
+    flat : map whose pixel size is used.
+    z : heights (n1, n2) [m], which continue beyond the borders as their mirror image.
     """
     if not cut_off > 0:
         return np.full(z.shape, nan)
@@ -321,7 +326,10 @@ class _Moments(NamedTuple):
 
 
 def _moments(z: NDArray) -> _Moments:
-    """Compute the moments along the last axis, such as those of each profile, and average them over all other axes."""
+    """Compute the moments of heights along the last axis, and average them over all other axes.
+
+    If the axes are (profile, point), the results are averages over all profiles.
+    """
     z = z - z.mean(axis=-1, keepdims=True)
     rms = np.sqrt(np.mean(z**2, axis=-1))
     with np.errstate(invalid="ignore", divide="ignore"):

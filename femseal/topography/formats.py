@@ -22,7 +22,7 @@ from .text_files import TEXT, is_text, read_text
 _MEMORY_FACTOR = 3
 #: Kinds of arrays that hold numbers, see `numpy.dtype.kind`.
 _NUMBERS = "bfiu"
-#: Smallest number of lines of an array of coordinates. A shorter one is taken for a narrow map.
+#: Smallest number of lines of an array of coordinates. A shorter one is treated as a narrow map.
 _FEWEST_LINES = 9
 #: First bytes of the ASCII export of Wyko.
 _WYKO = b"Wyko ASCII Data File"
@@ -32,8 +32,8 @@ _WYKO = b"Wyko ASCII Data File"
 def reading(path: Path) -> Iterator[None]:
     """Turn every error while a file is read into an InputError that names the file.
 
-    A file that needs more than the free memory is an error as well. This is checked before reading, by the size of the
-    file, and while the file is read.
+    A file that needs more than the free memory is an error as well. The size of the file is checked before reading, and
+    the memory is limited while the file is read.
     """
     length, free = path.stat().st_size, free_memory()
     if _MEMORY_FACTOR * length > free:
@@ -81,14 +81,14 @@ def read_npz(path: Path, options: Reading) -> Raw:
 
 
 def _select_map(arrays: dict[str, NDArray], name: str | None) -> NDArray:
-    """Return the array with the given name, or the only map; raise InputError if there is none or more than one."""
+    """Return the array with the given name, or the only map of an archive; raise InputError without a unique map."""
     # a single array is returned whatever its shape, so that `_check_map` can explain what is wrong with it
     maps = [key for key, array in arrays.items() if array.ndim == 2 or len(arrays) == 1]
     selected = [key for key in maps if key == name] if name else maps
     if len(selected) != 1:
         names = ", ".join(sorted(arrays)) or "none"
         given = f"array={name!r} of the arrays {names}"
-        raise InputError("file", given, "one map, or array= the name of one")
+        raise InputError("file", given, "a single map, or the name of a map in array=")
     return arrays[selected[0]]
 
 
@@ -160,9 +160,10 @@ def read_file(path: Path, options: Reading) -> Raw:
 
 
 def _map_of_array(numbers: NDArray, spacing: Pair | None, options: Reading) -> Raw:
-    """Make a raw record from an array, which is a map of heights or a table of coordinates on a regular grid.
+    """Make a `Raw` record from an array: a map of heights, or a table of coordinates on a regular grid.
 
-    numbers : heights (n1, n2), or coordinates (points, 3 or 4). spacing : pixel size [m], if it is known.
+    numbers : heights (n1, n2), or coordinates (points, 3 or 4).
+    spacing : pixel size [m], if it is known.
     """
     may_be_coordinates = numbers.shape[1] in (3, 4) and len(numbers) >= _FEWEST_LINES
     grid = grid_of_coordinates(numbers) if may_be_coordinates else None

@@ -120,10 +120,10 @@ def turned(
 ) -> Topography:
     """Generate a surface turned on a lathe: grooves along x2, one per pitch along x1, with sharp ridges between them.
 
-    In pass k the tool nose cuts a groove of the height (x1 − x1_k)²/2r above its bottom. The surface at each point is
-    the lowest of all passes; heights are counted from the nominal bottom of the grooves. Waviness along x1 and
-    self-affine roughness are added. Because a grid cannot represent the sharp ridges, the sum is low-passed at
-    `cut_off`. The given depth, waviness and roughness are those before the low-pass.
+    In pass k the tool nose cuts a groove with the profile (x1 − x1_k)²/2r. At each point, the surface is as low as the
+    lowest of all passes. Heights are counted from the nominal bottom of the grooves. Waviness along x1 and self-affine
+    roughness are added. Because a grid cannot represent the sharp ridges, the sum is low-passed at `cut_off`. The given
+    depth, waviness and roughness are those before the low-pass.
 
     Parameters
     ----------
@@ -231,8 +231,9 @@ def _cut_grooves(
 ) -> NDArray:
     """Return the heights (n1, n2) [m] that remain after all passes of the tool.
 
-    x1 : positions across the grooves (n1, 1) [m]. angle : positions along the grooves (n2,) [rad].
-    rms_errors : of the position and the depth of a groove [m].
+    x1 : positions across the grooves (n1, 1) [m].
+    angle : positions along the grooves, as an angle that is 2π at the end of the map (n2,) [rad].
+    rms_errors : rms error of the position of a groove, and rms error of its depth [m].
     """
     # Each error has a part that is constant along a groove, and a part that is a sine of the angle. Axes of the arrays:
     # (position or depth, pass, n2).
@@ -294,7 +295,7 @@ def random_waves(
 
 
 def wave_numbers(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
-    """Return the numbers of all waves longer than `cut_off` in a half plane of wave vectors, longest waves first.
+    """List all waves longer than `cut_off` in a half plane of wave vectors, from the longest to the shortest.
 
     The order decides which random phase a wave gets. It depends on the ratio of the sides, but not on the grid.
 
@@ -326,9 +327,9 @@ def wave_numbers(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
 
 
 def _check_cut_off(cut_off: float | None, spacing: Pair, size: Pair) -> float:
-    """Return the shortest wave [m], by default 8 pixels.
+    """Check the cut-off of a generated surface, and return it [m]. Default: 8 pixels.
 
-    Raises InputError if it is shorter than 2 pixels, or not shorter than the larger side.
+    Raises InputError if the cut-off is shorter than 2 pixels, or not shorter than the larger side of the map.
     """
     pixel, longest = max(spacing), max(size)
     wave = PIXELS_PER_WAVE * pixel if cut_off is None else cut_off
@@ -346,7 +347,7 @@ def _is_whole(ratio: float) -> bool:
 
 
 def _check_generator(rng: Any) -> np.random.Generator:
-    """Return a generator of random numbers from a generator or a seed."""
+    """Return the given generator of random numbers, or make one from a seed."""
     try:
         if rng is None:
             raise TypeError

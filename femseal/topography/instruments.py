@@ -36,7 +36,7 @@ _GIVE_UNITS = (
 def read_instrument(path: Path, options: Reading, other_suffixes: Sequence[str] = ()) -> Raw:
     """Read a map from the file of an instrument with SurfaceTopography, an optional package.
 
-    other_suffixes : suffixes of files that femseal reads without this package, which an error message lists.
+    other_suffixes : suffixes of files that femseal reads without this package, for an error message.
     """
     suffix = path.suffix.lower()
     opened = _open(path, suffix, other_suffixes)
@@ -55,9 +55,9 @@ def read_instrument(path: Path, options: Reading, other_suffixes: Sequence[str] 
 class _OpenFile(NamedTuple):
     """Hold a file that SurfaceTopography has opened.
 
-    content : changed bytes of the file, which must exist until the file has been read; None if nothing was changed.
-    unclear : unit in the file that cannot be read, for messages.
-    file : file object of the library.
+    content : modified copy of the file, which must exist until it has been read; None if the file was not modified.
+    unclear : unit in the file that the library cannot read, for messages.
+    file : the opened file as an object of the library.
     channels : channels of the file.
     """
 
@@ -97,7 +97,7 @@ def _open(path: Path, suffix: str, other_suffixes: Sequence[str]) -> _OpenFile:
 
 
 def _select_channel(channels: list[Any], options: Reading) -> Any:
-    """Return the channel that the caller wants, which must be a map of heights."""
+    """Return the channel that the caller has selected; raise InputError if it is not a map of heights."""
     names = [channel.name or "" for channel in channels]
     channel = pick(channels, options.channel, "channel", names)
     if channel.dim == 1:
@@ -153,7 +153,8 @@ def _read_channel(channel: Any, suffix: str) -> Raw:
 def _heights_and_mask(topography: Any, suffix: str) -> tuple[Array, Flags | None]:
     """Return the heights (n1, n2) in the unit of the file, and the mask in the file if there is one.
 
-    topography : map of SurfaceTopography. suffix : suffix of the file.
+    topography : map of SurfaceTopography.
+    suffix : suffix of the file.
     """
     heights, mask = topography.heights(), None
     if suffix == ".gwy" and np.ma.is_masked(heights):
@@ -167,8 +168,8 @@ def _heights_and_mask(topography: Any, suffix: str) -> tuple[Array, Flags | None
 def _replace_unknown_units(path: Path) -> tuple[io.BytesIO | None, str]:
     """Replace the units of a .sur file that SurfaceTopography cannot read.
 
-    Micrometres in UTF-8 are rewritten in the encoding of the format. If any unit is unknown, all are replaced by
-    metres, which leaves the numbers as they are.
+    Micrometres in UTF-8 are rewritten in the encoding of the format. If any unit is unknown, all units are replaced by
+    metres, so that the library does not change the numbers.
 
     Returns
     -------
@@ -206,11 +207,13 @@ def _is_usual(unit: str) -> bool:
 
 
 def _gwyddion_fields(file: Any, kind: str = "data") -> dict[int, dict[str, Any]]:
-    """Return the entries of the fields of a .gwy file, by the number of the field.
+    """Return the metadata of the data fields of a .gwy file, by the number of the field.
 
-    The entries say where the heights are in the file, but do not contain them. Files of other formats have no fields.
+    The metadata state where the heights are in the file, but do not contain them. Files of other formats have no
+    fields.
 
-    file : file object of SurfaceTopography. kind : "data" for the maps, or "mask" for their masks.
+    file : file opened by SurfaceTopography.
+    kind : "data" for the maps, or "mask" for their masks.
     """
     fields = {}
     for key, value in getattr(file, "_metadata", {}).items():
@@ -221,9 +224,9 @@ def _gwyddion_fields(file: Any, kind: str = "data") -> dict[int, dict[str, Any]]
 
 
 def _read_gwyddion_field(path: Path, file: Any, options: Reading) -> Raw:
-    """Read a field of Gwyddion whose unit is not a length; the caller must give the unit.
+    """Read a field of Gwyddion whose unit is not a length.
 
-    Raises InputError if the caller does not give it.
+    Raises InputError if the caller does not give the unit of height.
     """
     fields, masks = _gwyddion_fields(file), _gwyddion_fields(file, "mask")
     number = pick([*fields], options.channel, "field")
@@ -253,7 +256,7 @@ def _read_gwyddion_field(path: Path, file: Any, options: Reading) -> Raw:
 
 
 def _gwyddion_unit(field: dict[str, Any], name: str) -> str:
-    """Return the unit of a field of Gwyddion that has the given name; "none" if the field does not have it."""
+    """Return a unit of a field of Gwyddion, such as "si_unit_z" for the heights; "none" if the field lacks it."""
     return field.get(name, {}).get("GwySIUnit", {}).get("unitstr") or "none"
 
 
@@ -296,7 +299,7 @@ def pick(choices: list[Any], channel: int | str, kind: str, names: Sequence[str]
     channel : int or str
         Number (from 0) or name of the channel.
     kind : str
-        Word of the file format for a channel, such as "layer", for the message.
+        Name for a channel in this file format, such as "layer", for the message.
     names : sequence of str
         Names of the channels.
 

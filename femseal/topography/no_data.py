@@ -1,11 +1,11 @@
 """Find the numbers in a file that mark undefined points.
 
 Some programs write one number, such as −9999, for every point that was not measured. If the file or the caller states
-this number, the points with this number are undefined. Otherwise the number is recognised by a pattern that no measured
-surface shows: many points have exactly the highest or the lowest number of the map, which is far from all other
-numbers. If it is a number that programs commonly write, such as −9999 or 32767, its points are taken for undefined, and
-a note says so. Any other number, such as 0, may also be a real height, such as that of a flat bottom. Only the user
-knows; the file is then refused with an error that says how to state it.
+this number, the points with this number are undefined. Otherwise the number is recognised by a property that no
+measured surface has: many points have exactly the highest or the lowest number of the map, and this number is far from
+all others. If it is a number that programs commonly write for undefined points, such as −9999 or 32767, its points are
+treated as undefined, and a note says so. Any other number, such as 0, may also be a real height, for example that of a
+flat bottom. Only the user knows whether it is a height. The file is then refused, and the error says how to state this.
 """
 
 from collections.abc import Sequence
@@ -37,7 +37,7 @@ _PART_OF_RANGE = 0.1
 _ROWS = 256
 #: Smallest number of different heights of a surface. A map with fewer numbers contains classes or levels.
 _DIFFERENT = 10
-#: Largest number of different marks in one file.
+#: Largest number of different values that mark undefined points in one file.
 _MOST = 4
 
 
@@ -50,9 +50,10 @@ class Defined:
     heights : array, (n1, n2)
         Heights, NaN where undefined.
     notes : tuple of str
-        Sentences that say which points were taken for undefined.
+        Notes on the points that were treated as undefined.
     errors : tuple of InputError
-        Errors about numbers of which only the user knows the meaning. `read_topography` raises the first of them.
+        Errors about numbers that may be heights or may mark undefined points. Only the user knows which.
+        `read_topography` raises the first of them.
     """
 
     heights: NDArray
@@ -70,12 +71,12 @@ def mark_undefined_points(
     path : Path
         The file, for messages.
     heights : array, (n1, n2)
-        Numbers of the file.
+        Numbers in the file.
     file_marks : sequence of float
         Numbers that mark undefined points according to the file.
     given : float or str, optional
-        Number that marks undefined points according to the caller; "none" if every number is a height. None to use
-        `file_marks` and to search for further marks.
+        Number that marks undefined points according to the caller; "none" if every number is a height. If None, the
+        numbers in `file_marks` mark undefined points, and further such numbers are searched for.
 
     Raises
     ------
@@ -113,9 +114,9 @@ def mark_undefined_points(
 def _mark_numbers(
     heights: NDArray, numbers: Sequence[float], source: str
 ) -> tuple[NDArray, list[str]]:
-    """Replace some numbers by NaN; return the heights and a note for each of these numbers that the map contains.
+    """Replace given numbers by NaN; return the heights and a note for each number that occurs in the map.
 
-    source : words that say who states that these numbers mark undefined points, for the notes.
+    source : source of these numbers, such as "the file says", for the notes.
     """
     notes = []
     for number in numbers:
@@ -139,18 +140,21 @@ def _check_number(given: float | str) -> float:
 
 
 def _points(flags: NDArray) -> str:
-    """Write how many points are True, with their percentage."""
+    """Write the number and the percentage of points that are True."""
     fraction = as_text(float(flags.mean()), percent=True)
     return f"{counted(np.count_nonzero(flags), 'point')} ({fraction})"
 
 
 def _is_mark(value: float) -> bool:
-    """Return whether programs commonly write a number for undefined points."""
+    """Return whether a number is one of those that programs commonly write for undefined points."""
     return abs(value) >= _NO_HEIGHT or any(np.isclose(value, mark, rtol=1e-7) for mark in _MARKS)
 
 
 def _find_suspicious_number(heights: NDArray) -> float | None:
-    """Return the lowest or highest number of a map if many points share it, far from all others; else None."""
+    """Return the lowest or the highest number of a map if it probably marks undefined points; otherwise None.
+
+    Such a number is far from all others. In addition, many points have this number, or programs commonly write it.
+    """
     lowest = float(np.fmin.reduce(heights, axis=None))
     highest = float(np.fmax.reduce(heights, axis=None))
     for value, sign in ((lowest, 1), (highest, -1)):
@@ -166,7 +170,8 @@ def _find_suspicious_number(heights: NDArray) -> float | None:
 def _is_far(heights: NDArray, value: float, sign: int, *, is_shared: bool) -> bool:
     """Return whether the lowest number of a map (sign 1), or the highest (sign -1), is far from all others.
 
-    is_shared : whether many points share the number. If not, its distance must exceed the range of all others.
+    is_shared : whether many points have this number. If not, the distance to the next number must exceed the range of
+    all other numbers.
     """
     # for the highest number the map is turned upside down, so that the number is the lowest in both cases
     upwards = sign * heights

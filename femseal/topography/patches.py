@@ -41,8 +41,8 @@ class Patches(Plotted):
     `patches`.
 
     Patches of different size or resolution are adapted to each other. Along x1 they are cut symmetrically to the width
-    of the narrowest patch. All are resampled to the coarsest pixel size, within half a pixel. Along x2 each patch is
-    cut to a multiple of one eighth of the length of the shortest patch.
+    of the narrowest patch. All patches are resampled to the largest pixel size, which changes their sides by at most
+    half a pixel. Along x2 each patch is cut to a multiple of one eighth of the length of the shortest patch.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class Patches(Plotted):
 
     @property
     def shortest_patch(self) -> Topography:
-        """The patch that is shortest along x2, to which the numbers of points and cells in a case refer."""
+        """The patch that is shortest along x2. The numbers of points and cells in a case refer to this patch."""
         return min(self.patches, key=lambda patch: patch.shape[1])
 
     @property
@@ -138,24 +138,24 @@ class Patches(Plotted):
 
     @property
     def rms_slope(self) -> float:
-        """Rms of the gradient's magnitude within the patches [-]."""
+        """Rms of the slope |∇z| within the patches [-]."""
         return float(np.hypot(*self.rms_slopes))
 
     def rms_slope_of_long_waves(self, wavelength: float) -> float:
-        """Rms of the gradient's magnitude of the waves that `low_pass` keeps, within the patches [-]."""
+        """Return the rms slope [-], within the patches, of the waves that `low_pass` keeps."""
         slopes = [patch.rms_slope_of_long_waves(wavelength) for patch in self.patches]
         return float(np.sqrt(self._mean(np.square(slopes))))
 
     def _mean(self, values: Sequence[float] | NDArray) -> float:
-        """Return the mean of one value for each patch, weighted by the number of points."""
+        """Average values (patches,) over the patches, weighted by the number of points of each patch."""
         return float(np.average(values, weights=self.widths))
 
     def split(self, values: NDArray) -> list[NDArray]:
-        """Split values (…, n1, n2) at the points of all patches side by side into one array for each patch."""
+        """Split values (…, n1, n2), at the points of all patches side by side, into one array for each patch."""
         return split_patches(values, self.widths)
 
     def check_waves(self) -> None:
-        """Raise InputError if the mean wavelength of one patch differs much from those of the others."""
+        """Raise InputError if the mean wavelength of one patch differs much from that of the other patches."""
         waves = np.array(
             [2 * np.pi * patch.rms_height / (patch.rms_slope or np.inf) for patch in self.patches]
         )
@@ -183,11 +183,11 @@ class Patches(Plotted):
         return self.apply_to_each(lambda p: p.without_spikes(threshold))
 
     def fill_undefined(self, max_share: float = 0.05) -> Patches:
-        """Fill the undefined points of each patch, of which at most the fraction `max_share` may be undefined."""
+        """Fill the undefined points of each patch; at most the fraction `max_share` of its points may be undefined."""
         return self.apply_to_each(lambda p: p.fill_undefined(max_share))
 
     def resample(self, shape: Shape) -> Patches:
-        """Interpolate each patch by its Fourier series, so that all together have about `shape` points.
+        """Interpolate each patch by its Fourier series, so that all patches together have about `shape` points.
 
         The number of points along x2 is exact if it can be divided between the patches in proportion to their lengths.
         """
@@ -218,7 +218,7 @@ class Patches(Plotted):
         return result
 
     def facts(self) -> dict[str, str]:
-        """Return the number of patches and points, size, pixel size and heights as text."""
+        """Return the number of patches, the number of points, the size, the pixel size and the heights as text."""
         return {"patches": str(len(self.patches))} | facts_of(self)
 
     def _repr_html_(self) -> str:
@@ -249,7 +249,7 @@ def check_single_patch(name: str, surface: object) -> None:
 
 
 def split_patches(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
-    """Split values (…, n1, n2) of patches side by side along the last axis into one array for each patch.
+    """Split values (…, n1, n2) of patches, which are side by side along the last axis, into one array for each patch.
 
     widths : number of points of each patch along x2.
     """
@@ -291,9 +291,9 @@ def _check_alike(name: str, values: NDArray, most: float, expected: str) -> None
     name : str
         Name of the value, for the message.
     values : array, (patches,)
-        A length of each patch [m].
+        One value for each patch [m].
     most : float
-        Largest allowed ratio between a value and the median, whichever is larger.
+        Largest allowed ratio of a value to the median, or of the median to a value.
     expected : str
         What is expected of the patches, for the message.
     """
@@ -311,7 +311,7 @@ def _check_alike(name: str, values: NDArray, most: float, expected: str) -> None
 
 
 def _resample_to_same_pixels(patches: Sequence[Topography]) -> list[Topography]:
-    """Cut patches to the width of the narrowest along x1, and resample them to the largest pixel size."""
+    """Cut all patches to the smallest width along x1, and resample them to the largest pixel size."""
     pixel = max(p.spacing[0] for p in patches), max(p.spacing[1] for p in patches)
     # number of new rows in the narrowest patch, rounded
     rows = int(min(p.size[0] for p in patches) / pixel[0] + 0.5)

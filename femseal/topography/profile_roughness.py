@@ -1,4 +1,4 @@
-"""Compute the roughness parameters that a drawing states, Ra and Rz of profiles across the lay, of a generated surface.
+"""Compute Ra and Rz of the profiles of a generated surface across the lay, for comparison with a drawing.
 
 The long-wave filter is chosen by the mean spacing RSm of the profile elements, which is the feed per revolution of a
 turned surface. If the surface is shorter than the cut-off of this filter, it is not filtered. Sources: ISO 21920-2 (Ra,
@@ -43,8 +43,8 @@ def profile_roughness(surface: Topography, spacing: float | None = None) -> Prof
     surface : Topography
         The surface, without undefined points.
     spacing : float, optional
-        Mean spacing RSm of the profile elements [m], by which the filter is chosen. Without it, the filter is chosen by
-        Ra.
+        Mean spacing RSm of the profile elements [m], which determines the filter. If it is None, Ra determines the
+        filter.
 
     Returns
     -------

@@ -22,11 +22,11 @@ class Raw:
     heights : array, (n1, n2)
         Numbers as they are in the file, NaN where undefined.
     height_unit : float, optional
-        Length in metres that the number 1 stands for. None if the file does not state it.
+        Unit of the heights [m], for example 1e-6 for micrometres. None if the file does not state it.
     spacing : tuple of two float, optional
         Pixel size [m]. None if the file does not state it.
     needs_unit : bool
-        Whether numbers without a unit are refused. If False, they are in metres.
+        Whether heights without a unit are refused. If False, such heights are in metres.
     mask : array of bool, (n1, n2), optional
         Points that are masked in the file.
     instrument : Instrument
@@ -34,9 +34,9 @@ class Raw:
     no_data : tuple of float
         Numbers that mark undefined points according to the header of the file.
     unclear : str
-        Text in the file about its unit or pixel size that could not be understood, for messages.
+        Text in the file about the unit or the pixel size that could not be interpreted, for messages.
     notes : tuple of str
-        Sentences on how the file was understood, where this is not obvious.
+        Notes on how the file was interpreted, where this is not obvious.
     """
 
     heights: NDArray
@@ -78,7 +78,7 @@ def bad_file(path: Path, given: object, allowed: str) -> InputError:
 
 
 def length_unit(text: str) -> float | None:
-    """Return the length [m] of a unit that is written as in a file; None if the text is not a unit of length.
+    """Convert a unit of length, as it is written in files, to metres; return None if the text is not a unit of length.
 
     Brackets around the unit and "/pixel" after it are ignored. A micro sign may be garbled: "Âµm" was written in UTF-8
     and read in an older encoding, "æm" comes from DOS.

@@ -38,7 +38,7 @@ _SLOPE_LIMIT = 10.0
 _ROWS = 256
 #: Pixel size [m] that replaces an unknown one if a map is only looked at.
 _ANY_PIXEL = (1e-6, 1e-6)
-#: Largest relative difference of units and pixel sizes that are taken for equal.
+#: Largest relative difference of units and pixel sizes that count as equal.
 _SAME = 1e-4
 #: A single line with at most this many points is not called a profile.
 _SHORTEST_PROFILE = 2
@@ -63,7 +63,7 @@ class Look:
     instrument : Instrument
         Limits of the instrument according to the file and the caller.
     notes : tuple of str
-        Sentences on how the file was understood, where this is not obvious.
+        Notes on how the file was interpreted, where this is not obvious.
     """
 
     topography: Topography
@@ -94,8 +94,8 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
     path : path
         The file.
     size, spacing : float or tuple of two float, optional
-        Sides of the whole map, or pixel size, along x1 and x2 after `transpose` [m]. One of the two is needed if the
-        pixel size is not in the file.
+        Sides of the whole map, or pixel size, along x1 and x2 after `transpose` [m]. Either `size` or `spacing` is
+        needed if the file does not contain the pixel size.
     height_unit : str, optional
         Unit of the numbers in the file, such as "um".
     delimiter : str, optional
@@ -103,7 +103,7 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
     array : str, optional
         Name of the heights in an .npz file with several arrays.
     channel : int or str
-        Number or name of the layer or channel in files with several.
+        Number or name of the layer or channel, for files that contain several of them.
     transpose : bool
         Whether to exchange x and y. The lay should run along x2, which is the direction along the seal.
     mask : path, optional
@@ -114,8 +114,8 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
         the heights that the file contains.
     no_data : float or "none", optional
         Number that marks points that were not measured, such as -9999. With "none", every number is a height. Default:
-        the number that the header states, or a number that programs commonly use as a mark and that is far from all
-        other numbers.
+        the number that the header states, or a number that programs commonly write for undefined points and that is far
+        from all other numbers.
     verify_checksum : bool
         Whether to refuse an .x3p file with a wrong checksum.
     crop : tuple of four float, optional
@@ -166,7 +166,7 @@ def read_measured(path: str | os.PathLike[str], **options: Any) -> Look:
 def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
     """Read a map even if `read_topography` would refuse it, and return the reasons for refusing it.
 
-    An unknown pixel size is replaced by 1 µm, and heights of an unknown unit are taken for metres.
+    An unknown pixel size is replaced by 1 µm, and an unknown unit of height by metres.
 
     Raises
     ------
@@ -212,7 +212,7 @@ def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
 
 
 def _combine_instruments(file_instrument: Instrument, given: Reading) -> Instrument:
-    """Return the limits of the instrument from the file, replaced by those that the caller gives."""
+    """Return the limits of the instrument. A limit that the caller gives replaces that of the file."""
     lengths = {}
     for name in ("tip_radius", "resolution"):
         length = getattr(given, name)
@@ -222,7 +222,7 @@ def _combine_instruments(file_instrument: Instrument, given: Reading) -> Instrum
 
 
 def _apply_masks(heights: NDArray, file_mask: Flags | None, given: Reading) -> NDArray:
-    """Mark masked points as NaN, and exchange the axes if the caller wants it."""
+    """Mark masked points as NaN, and exchange the axes if the option `transpose` is set."""
     if file_mask is not None:
         heights = np.where(file_mask, np.nan, heights)
     if given.mask is not None:
@@ -232,9 +232,10 @@ def _apply_masks(heights: NDArray, file_mask: Flags | None, given: Reading) -> N
 
 
 def _pixel_size(file_pixel: Pair | None, given: Reading, shape: tuple[int, ...]) -> Pair | None:
-    """Return the pixel size along x1 and x2 [m], which the caller or the file gives.
+    """Return the pixel size along x1 and x2 [m], which the caller or otherwise the file gives.
 
-    file_pixel : pixel size along x and y of the file [m]. shape : number of points of the map after `transpose`.
+    file_pixel : pixel size along x and y of the file [m].
+    shape : number of points of the map after `transpose`.
     """
     if given.spacing is not None:
         return validate.lengths("spacing", given.spacing)
@@ -247,7 +248,7 @@ def _pixel_size(file_pixel: Pair | None, given: Reading, shape: tuple[int, ...])
 
 
 def _notes_on_overrides(raw: Raw, given: Reading, height_unit: float | None) -> Iterator[str]:
-    """Yield a note if a unit or size from the caller differs from that of the file, or replaces an unclear one."""
+    """Yield a note if a unit or size from the caller differs from that of the file, or replaces an unreadable one."""
     if given.height_unit is not None and height_unit is not None:
         file_unit = raw.height_unit
         if file_unit is None and raw.unclear and raw.needs_unit:
@@ -276,7 +277,7 @@ def _notes_on_overrides(raw: Raw, given: Reading, height_unit: float | None) -> 
 
 
 def _check_options(path: Path, given: Reading) -> None:
-    """Raise InputError if the file does not exist, or if an option does not apply to its kind."""
+    """Raise InputError if the file does not exist, or if an option does not apply to this kind of file."""
     if not path.is_file():
         problem = "a folder" if path.is_dir() else "no such file"
         raise InputError(str(path), problem, "a file with heights")
@@ -313,7 +314,7 @@ def _pixel_errors(
 ) -> list[InputError]:
     """Return a list with an error if the pixel size is unknown or not positive; otherwise an empty list.
 
-    unclear : text in the file about the unit that could not be understood.
+    unclear : text in the file about the unit that could not be interpreted.
     """
     if pixel is None:
         hint = f"; it says {unclear}" if unclear else ""
@@ -330,7 +331,7 @@ def _pixel_errors(
 def _unknown_unit(path: Path, unclear: str) -> InputError:
     """Make an InputError about a file without a unit of height.
 
-    unclear : text in the file about the unit that could not be understood.
+    unclear : text in the file about the unit that could not be interpreted.
     """
     given = "no unit of height in the file"
     if unclear:

@@ -29,7 +29,7 @@ def _radius(meaning: str, example: str) -> Any:
 
 
 class Seat:
-    """Base class of the forms of seats. A form is a frozen dataclass that defines `depth`."""
+    """Define the base class of all seat forms. A form is a frozen dataclass that defines `depth`."""
 
     kind: ClassVar[str]
 
@@ -49,7 +49,7 @@ class Seat:
         return ", ".join(texts)
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """Return the depth of the form below its highest point, plus any constant.
+        """Return the depth of the form at given positions, up to an additive constant.
 
         Parameters
         ----------
@@ -67,7 +67,7 @@ class Seat:
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wave of the form [m]. It is infinite, because a measured patch contains no waves of the form."""
+        """Shortest wavelength of the form [m], infinite because all its waves are longer than a measured patch."""
         return np.inf
 
     def heights(self, points: Array, frame: Any) -> Array:
@@ -150,7 +150,7 @@ def check_form(
     key : str
         Name of the input, for the message.
     shown : str
-        Text that describes the form to the user, for the message.
+        Description of the form, for the message.
     heights : array, (n1,) or (n1, n2)
         Heights of the form [m], NaN where it is unknown.
     spacing : sequence of float
@@ -194,7 +194,7 @@ class CrownedSeat(Seat):
     Parameters
     ----------
     radius : float
-        R [m], > 0, of both faces together: 1/R = 1/R₁ + 1/R₂.
+        Combined radius of curvature R of both faces [m], > 0, with 1/R = 1/R₁ + 1/R₂.
     """
 
     kind: ClassVar[str] = "crowned"

@@ -43,7 +43,7 @@ _HEAD = 2**16
 
 
 def is_text(path: Path) -> bool:
-    """Return whether a file is a text, by its suffix, or by its bytes if the suffix is .dat."""
+    """Return whether a file is a text. Its suffix decides this, except for .dat, where the content decides."""
     suffix = path.suffix.lower()
     if suffix != ".dat":
         return suffix in TEXT
@@ -118,7 +118,8 @@ def _apply_column_units(header: Header, table: MapOfTable, *, is_unit_given: boo
     If no unit is known at all, all columns are taken to be in metres. If only the unit of height is known, the pixel
     size stays unknown.
 
-    header : header of the table, which is changed. is_unit_given : whether the caller gives the unit of height.
+    header : header of the table, which is modified in place.
+    is_unit_given : whether the caller gives the unit of height.
     """
     assert table.steps is not None
     if header.column_units:
@@ -159,16 +160,17 @@ def _read_numbers(file: TextIO, delimiter: str | None) -> tuple[NDArray, Header]
 
 
 def _refuse_second_map(text: str, comments: list[str], line_number: int) -> None:
-    """Raise InputError if a comment begins the header of a second map."""
+    """Raise InputError if a comment is the first line of the header of a second map."""
     if meaning_of(text) != "side 1":
         return
     if any(meaning_of(comment) == "side 1" for comment in comments):
         given = f"a second map, which begins in line {line_number}"
-        raise InputError("file", given, "a file with one map: cut it there")
+        expected = "a file with a single map: remove everything from this line on"
+        raise InputError("file", given, expected)
 
 
 class _RowReader:
-    """Read the lines of numbers in a text one after another, and join them to a table."""
+    """Read lines of numbers one by one, and join them to a table."""
 
     def __init__(self, layout: _Layout) -> None:
         self.layout = layout
@@ -206,8 +208,8 @@ class _RowReader:
     def table(self, points: tuple[int, int] | None) -> NDArray:
         """Return the table (lines, columns).
 
-        points : numbers of points along x and y according to the header. If the text contains this many numbers, its
-        lines may have different lengths, because some programs break long lines.
+        points : numbers of points along x and y according to the header. If the total number of numbers agrees with the
+        header, the lines may have different lengths, because some programs break long lines.
         """
         numbers = np.frombuffer(self._numbers)
         if points is not None and numbers.size == points[0] * points[1]:
@@ -258,7 +260,7 @@ class _Layout:
 def _find_layout(lines: list[str], delimiter: str | None) -> _Layout:
     """Determine how the numbers in some lines are written.
 
-    delimiter : separator between numbers that the caller gives, None to find it in the first line.
+    delimiter : separator between numbers that the caller gives; None to recognise it in the first line.
     """
     texts = [line.strip(" \r\n") for line in lines]
     texts = [text for text in texts if text.strip() and not _is_comment(text)]
@@ -276,9 +278,10 @@ def _find_layout(lines: list[str], delimiter: str | None) -> _Layout:
 def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
     """Return the index of the line at which the table of numbers begins.
 
-    It is the first of three lines in succession that contain equally many numbers, or the line above if that is a
-    faulty row of the table. If there are no such lines, it is the first line of numbers, or otherwise the first line
-    that begins with a digit, so that an error message can quote it.
+    The table begins where three successive lines contain the same number of numbers. A faulty row directly above these
+    lines belongs to the table as well, so that its fault is reported. Without three such lines, the table begins at the
+    first line of numbers. Without any line of numbers, it begins at the first line that starts with a digit, so that an
+    error message can quote this line.
     """
     contents = [_content(line, delimiter) for line in lines]
     candidates = [n for n, content in enumerate(contents) if content is not None]
@@ -298,7 +301,7 @@ def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
 
 
 def _content(line: str, delimiter: str | None) -> int | str | None:
-    """Return how many numbers a line contains; "text" for other words, None for a comment or an empty line."""
+    """Return the number of numbers in a line; "text" if it contains other words, None if it is a comment or empty."""
     text = line.strip(" \r\n")
     if not text.strip() or _is_comment(text):
         return None
@@ -310,11 +313,11 @@ def _content(line: str, delimiter: str | None) -> int | str | None:
 
 
 def _is_faulty_row(line: str, delimiter: str | None, count: int) -> bool:
-    """Return whether the line above the table is a row of the table that has an unknown word or missing numbers.
+    """Return whether the line above the table is a row of the table with an unknown word or with missing numbers.
 
-    A line whose numbers increase in equal steps is an axis instead, and not a row.
+    A line whose numbers increase in equal steps is not a row, but contains the coordinates of an axis.
 
-    count : how many numbers the lines below contain.
+    count : number of numbers in each line below.
     """
     text = line.strip(" \r\n")
     mark = _find_delimiter(text) if delimiter is None else delimiter
@@ -338,7 +341,7 @@ def _is_comment(text: str) -> bool:
 
 
 def _is_number(field: str) -> bool:
-    """Return whether a field is a number, or stands for an undefined number."""
+    """Return whether a field contains a number or marks an undefined point."""
     try:
         float(field)
     except ValueError:
@@ -347,7 +350,7 @@ def _is_number(field: str) -> bool:
 
 
 def _is_undefined(field: str) -> bool:
-    """Return whether a field stands for an undefined number."""
+    """Return whether a field marks an undefined point, such as "n/a" or "---"."""
     word = field.strip().lower()
     return word in _UNDEFINED or _PLACEHOLDER.fullmatch(word) is not None
 
@@ -364,9 +367,9 @@ def _find_delimiter(line: str) -> str | None:
 
 
 def _parse_value(line_number: int, text: str, original: str) -> float:
-    """Return the number that a text stands for, NaN if it is undefined; raise InputError if it is not a number.
+    """Convert a field to a number, or to NaN if it marks an undefined point; raise InputError for any other text.
 
-    original : text as it is in the file, for the message.
+    original : the field as written in the file, for the message.
     """
     try:
         return float(text)

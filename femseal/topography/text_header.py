@@ -1,4 +1,4 @@
-"""Read the header of a text with heights: pixel size, units, number of points and marks of undefined points.
+"""Read the header of a text with heights: pixel size, units, number of points and numbers that mark undefined points.
 
 A line of the header consists of a name and a value, and may begin with a comment mark. Examples are "# Width: 1 mm",
 "cellsize 2", "NODATA_value -9999" and '"XY Calibration","1.383","um"'. The names are those in files of Gwyddion, SPIP,
@@ -57,7 +57,7 @@ class Header:
     pixel : tuple of two float, optional
         Pixel size along x and y [m].
     unit : float, optional
-        Length in metres that the number 1 in the heights stands for.
+        Unit of the heights [m], for example 1e-6 for micrometres.
     unknown_unit : bool
         Whether the header names a unit of height that cannot be read.
     points : tuple of two int, optional
@@ -67,9 +67,9 @@ class Header:
     columns : tuple of str
         Names of the columns in lower case.
     column_units : tuple of float or None
-        The same for each column, None if the unit of the column is unknown.
+        Unit of each column [m], None if the unit is unknown.
     unread : list of str
-        Lines about units or pixels that could not be understood.
+        Lines about units or pixels that could not be interpreted.
     """
 
     sides: tuple[float, float] | None = None
@@ -84,13 +84,13 @@ class Header:
 
     @property
     def unclear(self) -> str:
-        """Quotation of the first lines that could not be understood, for messages."""
+        """Quotation of the first lines that could not be interpreted, for messages."""
         lines = [line[:_SHOWN_CHARACTERS] for line in self.unread[:_SHOWN_LINES]]
         return ", ".join(map(repr, lines))
 
 
 def meaning_of(line: str) -> str:
-    """Return the meaning of the name in a line of a header, a key of `_MEANINGS`; "" if the name is unknown."""
+    """Return the meaning of the name in a line of a header, as a key of `_MEANINGS`; "" if the name is unknown."""
     name, _ = _name_and_value(line)
     return _MEANING_OF.get(name, "")
 
@@ -103,7 +103,7 @@ def read_header(lines: Sequence[str], columns: int) -> Header:
     lines : sequence of str
         Lines before the numbers, and comments between them.
     columns : int
-        How many numbers a line of the table contains.
+        Number of columns of the table.
     """
     header = Header()
     entries: dict[str, str] = {}  # meaning: value
@@ -166,7 +166,10 @@ def _without_marks(line: str) -> str:
 
 
 def _name_and_value(line: str) -> tuple[str, str]:
-    """Return the name in a line, in lower case with single blanks, and its value; each is "" if there is none."""
+    """Split a line of the header into a name and a value.
+
+    The name is returned in lower case, with single blanks between its words. Both texts are empty if the line is empty.
+    """
     text = _without_marks(line)
     parts = _split_at_delimiter(text)
     if len(parts) < 2:
@@ -180,7 +183,7 @@ def _name_and_value(line: str) -> tuple[str, str]:
 
 
 def _split_at_delimiter(text: str) -> list[str]:
-    """Split a line at its semicolons, tabs or commas; a line without them is one part."""
+    """Split a line at its semicolons, tabs or commas; return a line without them as a single part."""
     for mark in DELIMITERS:
         if mark not in text:
             continue
@@ -196,9 +199,10 @@ def _split_at_delimiter(text: str) -> list[str]:
 def _two_lengths(
     entries: dict[str, str], first: str, second: str, lateral_unit: float | None
 ) -> tuple[float, float] | None:
-    """Return two lengths [m] with given meanings; None unless the header has both of them with a unit.
+    """Return two lengths [m] from the entries of a header; None unless both entries are lengths with known units.
 
-    lateral_unit : unit of lengths that are written without a unit [m], None if the header does not have it.
+    first, second : meanings of the two lengths, which are keys of `entries`.
+    lateral_unit : unit of lengths that are written without a unit [m], None if the header does not state it.
     """
     length1 = _parse_length(entries.get(first, ""), lateral_unit)
     length2 = _parse_length(entries.get(second, ""), lateral_unit)
@@ -208,9 +212,9 @@ def _two_lengths(
 
 
 def _parse_length(text: str, lateral_unit: float | None) -> float | None:
-    """Return the length [m] that a text stands for; None if it is not a length.
+    """Convert text to a length [m]; return None if it is not a length.
 
-    lateral_unit : unit of a length that is written without a unit [m].
+    lateral_unit : unit of a length that is written without a unit [m], None if it is unknown.
     """
     match = _LENGTH.fullmatch(text)
     if match is None:

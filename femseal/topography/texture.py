@@ -1,10 +1,11 @@
 """Evaluate the spectrum and the texture of a map: its shortest wave, power law, autocorrelation length and lay.
 
 Symbols: q angular wave number [rad/m], C isotropic spectral density [m⁴], H Hurst exponent, C ∝ q^(−2−2H). For a
-surface of parallel grooves, C is the average over all directions. It falls with the same exponent as C of an isotropic
-surface with the same H. Sal is the distance in which the autocorrelation decays to 0.2 in the direction of fastest
-decay, Str is the ratio of Sal to the distance of slowest decay, and Std is the direction of the lay. Sources: Jacobs,
-Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2 (Sal, Str, Std).
+surface of parallel grooves, C is the average over all directions. This average falls with the same exponent as the
+density of an isotropic surface with the same H. Sal is the distance over which the autocorrelation decays to 0.2 in the
+direction of fastest decay. Str is the ratio of Sal to the corresponding distance in the direction of slowest decay. Std
+is the direction of the lay. Sources: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2
+(Sal, Str, Std).
 """
 
 from __future__ import annotations
@@ -122,8 +123,8 @@ def spectrum(topography: Surface) -> Spectrum:
 
     The shortest wave that was measured is the longest of three wavelengths: two pixels of the larger spacing; if the
     spectrum ends with white noise, the wavelength at which C is four times the noise; and the wavelength below which C
-    is less than a tenth of the power law. The last two are limits of the instrument. Of several patches, the one with
-    the longest such wave is described.
+    is less than a tenth of the power law. The last two are limits of the instrument. For several patches, the result
+    describes the patch whose shortest measured wave is the longest.
     """
     if not isinstance(topography, Topography):
         summaries = [spectrum(patch) for patch in topography.patches]
@@ -157,10 +158,13 @@ def spectrum(topography: Surface) -> Spectrum:
 
 
 def _noise_floor(q: NDArray, density: NDArray, nyquist: float) -> float:
-    """Return the density of white noise [m⁴], which is the level of a spectrum with a flat end; 0 without a flat end.
+    """Return the spectral density of white noise [m⁴].
 
-    q : wave numbers (rings,) [rad/m]. density : spectral density at the wave numbers (rings,) [m⁴]. nyquist : largest
-    wave number [rad/m].
+    If the end of the spectrum is flat, its level is that of the noise. Otherwise the noise counts as 0.
+
+    q : wave numbers (rings,) [rad/m].
+    density : spectral density at the wave numbers (rings,) [m⁴].
+    nyquist : largest wave number [rad/m].
     """
     is_end = (q > 0.75 * nyquist) & (density > _ROUNDING * density.max())
     if np.count_nonzero(is_end) < 8:
@@ -177,7 +181,7 @@ class _Bins:
 
     Attributes
     ----------
-    x, y : arrays (bins,), log10 of the wavenumber [rad/m] and of the density [m⁴].
+    x, y : arrays (bins,), log10 of the wave number [rad/m] and of the density [m⁴].
     variance : array (bins,), variance of y due to the finite number of waves in a bin and to the noise.
     """
 
@@ -197,7 +201,9 @@ class _Bins:
 
 
 def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Topography) -> _Bins:
-    """Average a radial density, less the level `floor` of white noise, in bins where it is above that level.
+    """Subtract the level `floor` of white noise from a radial density, and average the difference in bins.
+
+    Only densities above the noise level are used.
 
     For a map of area A, a ring of radius q and width w contains A q w/2π wave vectors, and half as many independent
     waves, because a wave and its conjugate are the same wave. The spectral density of a wave of a Gaussian surface is
@@ -231,8 +237,9 @@ def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Top
 def _fit(bins: _Bins) -> PowerLaw | None:
     """Fit the power law whose exponent has the smallest standard error; return None if no power law is valid.
 
-    All ranges of bins are tried, without a plateau and, from the longest waves on, with a plateau before the power law.
-    A law with a plateau is accepted with a somewhat larger error, because the end of the plateau is a third unknown.
+    A power law without a plateau is fitted to every range of bins. A plateau followed by a power law is fitted to every
+    range that begins with the longest waves. A law with a plateau may have a somewhat larger error, because the end of
+    the plateau is a third unknown.
     """
     straight = [
         _fit_straight(bins.part(first, last))
@@ -251,12 +258,12 @@ def _fit(bins: _Bins) -> PowerLaw | None:
 
 
 def _fit_straight(bins: _Bins) -> PowerLaw | None:
-    """Fit a power law to all bins; return None if it is not valid."""
+    """Fit a power law to all bins; return None if the fit is not valid."""
     return _fit_from(bins, float(bins.x[0]), has_plateau=False)
 
 
 def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
-    """Fit a plateau followed by a power law to all bins; return None if it is not a valid power law.
+    """Fit a plateau followed by a power law to all bins; return None if the fit is not valid.
 
     The end of the plateau is chosen so that the weighted sum of squared deviations is smallest.
     """
@@ -277,10 +284,11 @@ def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
 
 
 def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None:
-    """Fit y = level + slope · max(x − bend, 0) by weighted least squares; return None if it is not a valid power law.
+    """Fit y = level + slope · max(x − bend, 0) by weighted least squares; return None if the fit is not valid.
 
-    With a plateau, the error of the slope includes the error of the bend. It is increased if the deviations from the
-    fit are larger than the variances explain.
+    The bend is the end of the plateau, or the first bin if there is no plateau. With a plateau, the standard error of
+    the slope includes the uncertainty of the bend. If the deviations from the fit are larger than the variances of the
+    bins explain, the standard error is increased accordingly.
     """
     fall = np.maximum(bins.x - bend, 0.0)
     weight = bins.weight
@@ -374,9 +382,9 @@ def texture(topography: Topography) -> Texture:
 class _DirectionalCorrelation(NamedTuple):
     """Hold the autocorrelation of a map in the directions `_ANGLES`.
 
-    distance : distances at which it is evaluated, equally spaced from 0 on, (distance,) [m].
-    border : distance from the middle of the autocorrelation to its border in each direction, (angle,) [m].
-    correlation : autocorrelation, (angle, distance). Beyond the border it is meaningless.
+    distance : distances from the middle at which it is evaluated, equally spaced from 0 on, (distance,) [m].
+    border : distance from the middle to the border of the map in each direction, (angle,) [m].
+    correlation : autocorrelation, (angle, distance). Values beyond the border are meaningless.
     """
 
     distance: Array
@@ -385,7 +393,7 @@ class _DirectionalCorrelation(NamedTuple):
 
 
 def _correlation_by_direction(topography: Topography) -> _DirectionalCorrelation:
-    """Interpolate the autocorrelation of a map on straight lines from its middle, in all directions."""
+    """Interpolate the autocorrelation of a map on straight lines from its middle in the directions `_ANGLES`."""
     middle = np.array([n // 2 for n in topography.shape])
     spacing = np.array(topography.spacing)
     direction = np.array([np.cos(_ANGLES), np.sin(_ANGLES)]).T  # (angle, axis)
@@ -408,7 +416,8 @@ def autocorrelation(topography: Topography) -> Array:
     Returns
     -------
     array, (2 m1 + 1, 2 m2 + 1)
-        Autocorrelation at lags of −m to m pixels with m = n // 2 along each axis. It is 1 in the middle.
+        Autocorrelation at lags of −m to m pixels with m = n // 2 along each axis. The value in the middle, at lag 0, is
+        1.
     """
     z = topography.heights - topography.heights.mean()
     n1, n2 = topography.shape

@@ -39,8 +39,8 @@ from ..base import (
 )
 from .defects import SPIKES, Form, TooManyUndefined, fill_holes, find_spikes, fit_form
 
-#: A map that is called periodic has a step at its border if the rms change of height there is more than this many times
-#: the rms change between neighbouring points.
+#: A map that was declared periodic has a step at its border if the rms change of height there is more than this many
+#: times the rms change between neighbouring points.
 _STEP = 2.0
 #: Relative tolerance of comparisons with a wave number, so that rounding errors do not matter for a wave at the limit.
 SLACK = 1e-9
@@ -90,10 +90,10 @@ def half_spectrum(z: NDArray, periodic: Periodic) -> NDArray[Any]:
 
 
 def half_multiplicity(shape: Shape, periodic: Periodic) -> tuple[NDArray, NDArray]:
-    """Return the numbers of waves that the rows and the columns of a `half_spectrum` represent.
+    """Return how many waves of the full spectrum the coefficients of a `half_spectrum` represent.
 
-    A coefficient represents as many waves as the product of the entry of its row (n1,) and the entry of its column
-    (n2,).
+    The number for a coefficient is 1 or 2. It is the product of a factor for its row and a factor for its column; the
+    factors of all rows and of all columns are returned.
     """
     _, wrapped = _mirrored_and_periodic_axes(periodic)
     rows, columns = np.ones(shape[0]), np.ones(shape[1])
@@ -108,7 +108,7 @@ def half_multiplicity(shape: Shape, periodic: Periodic) -> tuple[NDArray, NDArra
 
 
 def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
-    """Return the wave numbers along an axis in the order of the transform (n,) [rad/m]; signed if it is periodic."""
+    """Return the wave numbers along an axis in the order of the transform (n,) [rad/m]; signed on a periodic axis."""
     if periodic:
         return 2 * np.pi * scipy.fft.fftfreq(n, d)
     return np.pi * np.arange(n) / (n * d)
@@ -122,7 +122,7 @@ def wavenumber_grids(shape: Shape, spacing: Pair, periodic: Periodic) -> tuple[N
 
 
 def truncate(z: NDArray, spacing: Pair, periodic: Periodic, limit: float) -> NDArray:
-    """Return the heights `z` without their waves with |q| > `limit` [rad/m]."""
+    """Remove the waves with |q| > `limit` [rad/m] from the heights `z`, and return the result."""
     mirrored, wrapped = _mirrored_and_periodic_axes(periodic)
     coefficients = half_spectrum(z, periodic)
     q1, q2 = wavenumber_grids((z.shape[0], z.shape[1]), spacing, periodic)
@@ -163,7 +163,7 @@ def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
 
 
 def _mirrored_and_periodic_axes(periodic: Periodic) -> tuple[list[int], list[int]]:
-    """Return the numbers of the axes that are not periodic, and of those that are."""
+    """Return the indices of the mirrored (not periodic) axes, and the indices of the periodic axes."""
     mirrored = [axis for axis in (0, 1) if not periodic[axis]]
     wrapped = [axis for axis in (0, 1) if periodic[axis]]
     return mirrored, wrapped
@@ -221,7 +221,7 @@ class Topography(Plotted):
 
     @property
     def patches(self) -> tuple[Topography, ...]:
-        """The measured patches of the surface, see `Patches`. A single map is its only patch."""
+        """The measured patches of the surface, see `Patches`. A single map is a surface with one patch."""
         return (self,)
 
     @property
@@ -243,8 +243,8 @@ class Topography(Plotted):
     def seamless(self) -> Periodic:
         """Whether the map is periodic along each axis and has no step where it repeats itself.
 
-        A measured map has such a step even if it is called periodic. A periodic map also has a step after a plane was
-        subtracted from it, because a plane is not periodic.
+        A measured map has such a step even if it was declared periodic. A periodic map also has a step after a plane
+        was subtracted from it, because a plane is not periodic.
         """
         return self._is_seamless(0), self._is_seamless(1)
 
@@ -276,11 +276,11 @@ class Topography(Plotted):
         return self._rms_slopes(inf)
 
     def rms_slope_of_long_waves(self, wavelength: float) -> float:
-        """Rms of |∇z| [-] of the waves that `low_pass` keeps, computed without a low-passed map."""
+        """Return the rms of the slope |∇z| [-] of the waves that `low_pass` keeps, without low-passing the map."""
         return float(np.hypot(*self._rms_slopes(2 * np.pi / wavelength)))
 
     def _rms_slopes(self, limit: float) -> Pair:
-        """Rms of ∂z/∂x1 and of ∂z/∂x2 of the waves with |q| <= `limit` [rad/m]."""
+        """Return the rms of ∂z/∂x1 and of ∂z/∂x2 of the waves with |q| <= `limit` [rad/m]."""
         half = half_spectrum(self._defined("rms_slope"), self.periodic)
         q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
         q2_squared = q2[0, : half.shape[1]] ** 2
@@ -299,7 +299,7 @@ class Topography(Plotted):
 
     @property
     def rms_slope(self) -> float:
-        """Rms of the gradient's magnitude |∇z| [-], see `rms_slopes`."""
+        """Rms of the slope |∇z| [-], see `rms_slopes`."""
         return float(np.hypot(*self.rms_slopes))
 
     def detrend(self, order: int | None = 1) -> Topography:
@@ -318,9 +318,9 @@ class Topography(Plotted):
     def form(self, order: int | None = None) -> Form:
         """Fit the mean (order 0), mean and tilt (1), or mean, tilt and curvature (2) to the defined points.
 
-        A periodic map has no tilt. A plane that is fitted to it is part of its waves, and subtracting this plane leaves
-        a step where the map repeats itself. Therefore, if the order is None, the tilt is only fitted along axes along
-        which the map is not `seamless`; the mean is always fitted.
+        A periodic map has no tilt. A plane that is fitted to such a map only follows its long waves, and subtracting
+        the plane would leave a step where the map repeats itself. If the order is None, the tilt is therefore fitted
+        only along axes along which the map is not `seamless`. The mean is always fitted.
 
         Raises
         ------
@@ -357,7 +357,7 @@ class Topography(Plotted):
         """Interpolate the map by its Fourier series on another grid of the same area.
 
         The interpolation is exact for band-limited data. Waves that are too short for the new grid are removed, so that
-        there is no aliasing. The surface does not move, although the pixel centres do.
+        there is no aliasing. The surface keeps its position, although the centres of the new pixels lie elsewhere.
 
         Parameters
         ----------
@@ -385,7 +385,7 @@ class Topography(Plotted):
         ----------
         threshold : float
             An isolated point is a spike if it deviates from its surroundings by more than this many robust standard
-            deviations. If infinite, there are no spikes.
+            deviations. If infinite, no point is a spike.
 
         Raises
         ------
@@ -408,7 +408,7 @@ class Topography(Plotted):
         Raises
         ------
         InputError
-            More points than this are undefined, or all points.
+            More than this fraction of the points is undefined, or no point is defined.
         """
         fraction = self.undefined_fraction
         limit = validate.number("max_share", max_share, inclusive=True)
@@ -424,14 +424,14 @@ class Topography(Plotted):
         return self._with_new(fill_holes(self.heights, self.spacing, self.periodic))
 
     def crop(self, shape: Shape, start: Shape = (0, 0)) -> Topography:
-        """Cut out a part of the map. The part is not periodic along an axis along which points are cut off.
+        """Cut out a part of the map. If points are cut off along an axis, the part is not periodic along this axis.
 
         Parameters
         ----------
         shape : tuple of two int
             Number of points of the part.
         start : tuple of two int
-            Index of its first pixel.
+            Row and column of the first pixel of the part.
 
         Raises
         ------
@@ -451,7 +451,7 @@ class Topography(Plotted):
         return Topography(part, self.spacing, periodic)
 
     def crop_to(self, part: tuple[float, float, float, float]) -> Topography:
-        """Cut out a part of the map that is given by lengths, which are rounded to whole pixels; see `crop`.
+        """Cut out the part of the map between given positions, which are rounded to whole pixels; see `crop`.
 
         Parameters
         ----------
@@ -479,7 +479,7 @@ class Topography(Plotted):
         return self.with_heights(np.flip(self.heights, validate.axis_number(axis)))
 
     def __add__(self, other: Topography) -> Topography:
-        """Add two faces on the same grid. The sum is periodic along the axes along which both faces are.
+        """Add two faces on the same grid. The sum is periodic along the axes along which both faces are periodic.
 
         Raises
         ------
@@ -517,7 +517,7 @@ class Topography(Plotted):
         Returns
         -------
         q : array, (waves,)
-            Wave numbers [rad/m]: n//2 + 1 on a periodic axis, n on a mirrored one.
+            Wave numbers [rad/m]. There are n//2 + 1 of them on a periodic axis, and n on a mirrored axis.
         C : array, (waves,)
             Spectral density [m³].
         """
@@ -602,7 +602,7 @@ class Topography(Plotted):
         return Topography(heights, self.spacing, self.periodic)
 
     def _with_new(self, heights: NDArray) -> Topography:
-        """Return a map with an array of heights that is not copied, because nothing else uses it."""
+        """Return a map with the given heights. The array is not copied, because nothing else uses it."""
         heights.flags.writeable = False
         return self.with_heights(heights)
 
@@ -619,7 +619,7 @@ class Topography(Plotted):
         return self.heights
 
     def facts(self) -> dict[str, str]:
-        """Return number of points, size, pixel size and heights as text."""
+        """Return the number of points, the size, the pixel size and the heights as text."""
         return facts_of(self)
 
     def _repr_html_(self) -> str:
@@ -630,7 +630,7 @@ class Topography(Plotted):
 
 
 def facts_of(surface: Any) -> dict[str, str]:
-    """Return number of points, size, pixel size and heights of a map or of several patches as text."""
+    """Return the number of points, the size, the pixel size and the heights of a map or of several patches as text."""
     facts = {
         "points": as_text(surface.shape),
         "size": as_text(surface.size, "m"),
@@ -645,7 +645,7 @@ def facts_of(surface: Any) -> dict[str, str]:
 
 
 def _mean_square(values: NDArray) -> float:
-    """Return the mean square of the defined values, NaN if there is none."""
+    """Return the mean square of the defined values; NaN if no value is defined."""
     defined = values[~np.isnan(values)]
     return float(defined @ defined) / defined.size if defined.size else nan
 

@@ -1,12 +1,12 @@
-"""Estimate the waves of a surface that were not measured: too short for the instrument, or longer than the patch.
+"""Estimate the waves of a surface that are too short for the instrument, or longer than the measured patch.
 
 Shorter waves: the power law of the measured spectrum is continued with random phases. Symbols: C spectral density [m⁴]
 at a wave vector q, L1 and L2 sides of the map. A wave and its conjugate have the amplitude √(C/L1 L2) each, so that
 Sq² = (1/4π²)∫C d²q. Source: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001 (densities, slope).
 
-Longer waves: the longest wave of the surface is estimated, and how many of these waves the patch contains. If the
-spectrum has a plateau, the longest wave is the roll-off wavelength. Otherwise it is Sal/0.27, because Sal is 0.25 to
-0.30 of the roll-off wavelength on self-affine patches that contain 3 to 5 waves of this length.
+Longer waves: the longest wavelength of the surface is estimated, and also the number of these waves in the patch. If
+the spectrum has a plateau, the longest wave is the roll-off wavelength. Otherwise it is Sal/0.27, because Sal is 0.25
+to 0.30 of the roll-off wavelength on self-affine patches that contain 3 to 5 waves of this length.
 """
 
 from dataclasses import dataclass
@@ -81,8 +81,8 @@ class Continuation:
     ) -> NDArray:
         """Return the heights (n1, n2) [m] of the waves on a patch.
 
-        exponent_change : change of the exponent of the power law. The density in the middle of its range is not
-        changed.
+        exponent_change : change of the exponent of the power law. The density in the middle of the range of the power
+        law stays the same.
         """
         # along an axis that is not periodic, the map and its mirror image form one period
         n1, n2 = (
@@ -109,8 +109,9 @@ class Continuation:
     def shortest_relevant_wave(self, hardness: float, modulus: float) -> float:
         """Return the wavelength [m] below which waves do not change the contact area; 0 if all waves change it.
 
-        By Persson's theory, the mean pressure in the contact is E*h'/2, with the rms slope h' of the waves. It rises
-        with every shorter wave until it reaches the hardness. Waves that are shorter still are flattened.
+        By Persson's theory, the mean pressure in the contact is E*h'/2, with the rms slope h' of the waves. Including
+        shorter and shorter waves raises this pressure until it reaches the hardness. Still shorter waves are flattened
+        plastically.
 
         Parameters
         ----------
@@ -188,10 +189,10 @@ def continue_spectrum(
     rng: Any,
     realisation: int = 0,
 ) -> Surface:
-    """Return a surface on a finer grid, with added waves that its instrument could not see.
+    """Add the waves that the instrument could not resolve to a surface, on a finer grid.
 
     The power law of the spectrum (see `describe_surface`) is continued below its shortest wave, isotropically and with
-    random phases. Measured waves below that wavelength are removed.
+    random phases. Measured waves below this wavelength are removed.
 
     Parameters
     ----------
@@ -263,7 +264,7 @@ class Representative:
         Wavelength in the middle of the octave of the longest waves [m], and mean spectral density in this octave [m⁴].
     hurst : float
         Hurst exponent of the power law through this octave and the next one, limited to the range 0 to 1. If the
-        spectrum rises, it continues to longer waves by this power law.
+        spectrum rises, this power law is its continuation to longer waves.
     """
 
     longest: float
@@ -276,7 +277,7 @@ class Representative:
 
     @property
     def is_enough(self) -> bool:
-        """Whether the patch represents a larger surface: it is flat, or contains several of its longest waves."""
+        """Whether the patch represents a larger surface, as it is flat or contains several of its longest waves."""
         has_few_waves = min(self.waves) < LEAST_WAVES
         return not has_few_waves and not self.rises
 
@@ -292,7 +293,7 @@ class Representative:
 
     @property
     def warnings(self) -> list[str]:
-        """A sentence that warns if another patch of the surface may leak differently; otherwise an empty list."""
+        """Warnings for the user if another patch of the surface may leak differently; empty otherwise."""
         if self.is_enough:
             return []
         return [
@@ -304,10 +305,10 @@ class Representative:
 def representative(patch: Surface) -> Representative:
     """Estimate the longest waves of a surface, and how many of them a patch contains.
 
-    The surface must be without its form and without undefined points. Of several patches, the one that contains the
-    fewest of its longest waves is described. If a patch is so narrow that the octave of the longest waves or the next
-    octave contains no waves, its spectrum does not count as rising, and the density and the wavelength of the octave
-    are NaN.
+    The surface must be without its form and without undefined points. For several patches, the result describes the
+    patch that contains the fewest of its longest waves. A narrow patch may have no waves in the octave of the longest
+    waves or in the next octave. In this case its spectrum does not count as rising, and the density and the wavelength
+    of an empty octave are NaN.
     """
     if not isinstance(patch, Topography):
         descriptions = [representative(single) for single in patch.patches]

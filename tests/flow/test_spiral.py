@@ -282,7 +282,7 @@ def test_a_measured_face_with_grooves_is_asked_whether_they_wind(tmp_path, lay, 
         (parse_lay, {"turns": 2}, "lay: given"),
         (lambda lay: AnnularLayout(1e-3, 2e-3, lay=lay), {"lead": "2 mm"}, "lay.lead: .* 1 mm"),
         (lambda lay: MeshLayout("a.msh", "in", "out", "mm", lay), {}, "lay: .* on a mesh"),
-        (drawn, {"lead": "1 mm"}, "lay.lead: given 1 mm on a seal 128 µm broad"),
+        (drawn, {"lead": "1 mm"}, "lay.lead: given 1 mm on a seal 128 µm wide"),
         (
             lambda lay: fs.deterministic(whole(lay)),
             {"circumference": "10 um"},
