@@ -8,18 +8,20 @@ from pathlib import Path
 import numpy as np
 
 from ..base import AnyPath, InputError, counted, to_si, to_text, validate, versions
-from ..base.leak_rates import USUAL, LeakClass, check_classes, leak_classes
+from ..base.leak_rates import check_classes, leak_classes
 from ..case.case import Case
 from ..case.quantity_types import Amount
 from ..case.reading import load_case
 from ..execution.run import no_progress
 from ..fluids import leak_basis
 from ..results import Results, open_results
+from ..results.class_fluid import class_fluid
+from ..results.leakage_classes import class_limits
 from ..results.load_steps import force_scale
 from ..runs import job
 from .data_sheet import Design
 from .requirements import Requirement, Seals, requirement, sealing_load
-from .sensitivities import Variants, deciding_fluid, inlet_slope, sensitivities, solved_variants
+from .sensitivities import Variants, inlet_slope, sensitivities, solved_variants
 
 
 def design(
@@ -118,7 +120,7 @@ def design(
     if not seals.count:
         given = "no realisation whose leakage is known at every load"
         raise InputError("results", given, "results with at least one such realisation")
-    limits = _class_limits(results, wanted_classes, diameter)
+    limits = class_limits(results.dataset, wanted_classes, diameter)
     relaxation = float(results.case.get("load", {}).get("relaxation", 0.0))
     requirements = tuple(
         requirement(seals, name, limit, probability, relaxation) for name, limit in limits.items()
@@ -240,21 +242,6 @@ def _check_unloaded_from(seals: Seals, pressures: list[float]) -> None:
     raise InputError("assembly", given, expected)
 
 
-def _class_limits(
-    results: Results, wanted_classes: tuple[LeakClass, ...], diameter: float | None
-) -> dict[str, float]:
-    """Return the largest leakage per length that each leakage class allows [m²/s], by the name of the class.
-
-    If no classes are wanted, the classes of the results are used, and the usual ones if the results have none.
-    """
-    data = results.dataset
-    if not wanted_classes:
-        names = data["leak_class"].values.tolist() if "leak_class" in data.coords else USUAL
-        wanted_classes = leak_classes(names)
-    diameter = diameter or data.attrs.get("nominal_diameter_m")
-    return {c.name: c.limit(results.class_basis, diameter) for c in wanted_classes}
-
-
 @dataclass(frozen=True)
 class _Load:
     """Load at which the sensitivities are computed.
@@ -296,7 +283,7 @@ def _load_of_sensitivities(
 
 def _with_fluid(variants: Variants, results: Results) -> Variants:
     """Add the properties of the fluid that decides on leakage classes to the variants."""
-    state = deciding_fluid(results)
+    state = class_fluid(results)
     if state is None:
         return variants
     return replace(variants, length_parameter=state.law.length, inlet_slope=inlet_slope(state))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import ceil, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +13,7 @@ import numpy as np
 
 from ..base import (
     AnyPath,
+    InputError,
     Plotted,
     TextTable,
     comma_separated,
@@ -33,6 +35,7 @@ from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset_file import FILE_NAME
 from ..results.load_steps import force_scale, loads_as_given, pressures_and_peaks
 from ..results.results import Results
+from ..results.sealing_index import SealingIndex, indices_of_limits
 from ..results.tables import kind_of
 from ..results.verdict import (
     LoadText,
@@ -41,6 +44,7 @@ from ..results.verdict import (
     verdicts_of,
 )
 from ..results.verdict_text import short_loads, verdict_lines, verdict_table
+from .index_table import index_rows, index_sentence, index_table
 from .requirements import ENDS, Requirement, Seals
 from .sensitivities import Sensitivity
 
@@ -129,6 +133,24 @@ class Design(Plotted):
             gap_at_peak = gap[-1]
             stiffness[peak] = (peak - peak / 3) / (gap_at_third - gap_at_peak)
         return stiffness
+
+    @property
+    def sealing_indices(self) -> tuple[SealingIndex, ...]:
+        """Sealing index that each class needs, on loading and on unloading.
+
+        It is empty if it does not follow from the leakage of the run, for example because the pressure differs over the
+        seal; `sheet_sentences` says why.
+        """
+        return self._indices_or_reason[0]
+
+    @cached_property
+    def _indices_or_reason(self) -> tuple[tuple[SealingIndex, ...], str]:
+        """Sealing indices, and the reason if there are none."""
+        limits = {need.name: need.limit for need in self.requirements}
+        try:
+            return indices_of_limits(self.results, limits), ""
+        except InputError as error:
+            return (), f"the run has {error.given}. It takes {error.expected}"
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
@@ -331,13 +353,16 @@ def _mark_needed_pressures(
 
 
 def sheet_tables(answer: Design) -> list[TextTable]:
-    """Make the table of Qmin and QSmin of each class, and the table of sensitivities if there are any."""
+    """Make the table of Qmin and QSmin of each class, and those of sensitivities and of the sealing index if known."""
     columns = _columns_of_realisations(answer) + _columns_of_relaxation(answer)
     names = ("Qmin(L)", "QSmin(L), Q_A = {}")
     needs = verdict_table(answer.results, answer.verdicts, columns, names=names)
     tables = [replace(needs, title="Load in assembly (Qmin) and in service (QSmin)")]
     if answer.sensitivities:
         tables.append(_sensitivity_table(answer))
+    indices = answer.sealing_indices
+    if indices:
+        tables.append(index_table(indices))
     return tables
 
 
@@ -425,6 +450,7 @@ def sheet_sentences(answer: Design) -> list[str]:
             f"The unloading stiffness from Q_A = {load_text(peak)} to a third of it is {stiffness / 1e12:.3g} MPa/µm. "
             "E_G of EN 13555 is this stiffness times the thickness of the gasket."
         )
+    sentences.append(index_sentence(answer._indices_or_reason[1]))
     sentences += [f"{note[0].upper()}{note[1:]}." for note in answer.notes]
     return sentences
 
@@ -459,6 +485,7 @@ def rows(answer: Design) -> list[dict[str, Any]]:
                 how=sensitivity.how,
             )
             figures.append(row | {"class": class_name})
+    figures += [_row() | row for row in index_rows(answer.sealing_indices)]
     return figures
 
 

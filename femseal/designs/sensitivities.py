@@ -16,7 +16,7 @@ leakage of a long seal is inversely proportional to its breadth (Darcy's law). I
 that keeps the leakage constant changes as d ln p/d ln x = −s_x/s_p.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
@@ -26,7 +26,6 @@ from ..base import Array
 from ..case.case import Case
 from ..execution.run import Progress, Run, ordered_map
 from ..flow.law import law_of
-from ..fluids import FLUIDS
 from ..preparation.preparation import Prepared, prepare
 from ..refinement.refine_to_accuracy import last_version
 from ..results.results import Results
@@ -269,25 +268,6 @@ def solved_variants(
         can_yield=can_yield,
         hardens=not scene.law.is_perfect,
     )
-
-
-def deciding_fluid(results: Results) -> FluidState | None:
-    """Read the fluid that decides on leakage classes from the case of the results.
-
-    Returns
-    -------
-    FluidState or None
-        If the fluid of the case cannot be read, the fluid of the scene of the results. None if they have no scene.
-    """
-    try:
-        table = results.case.get("output", {}).get("test_fluid") or results.case["fluid"]
-        fluid_class = FLUIDS[table["kind"]]
-        parameters = {f.name: table[f.name] for f in fields(fluid_class) if f.name in table}
-        inlet_pressure = float(table["inlet_pressure"])
-        outlet_pressure = float(table["outlet_pressure"])
-        return FluidState(fluid_class(**parameters), inlet_pressure, outlet_pressure)
-    except (KeyError, TypeError, ValueError, AttributeError):
-        return None if results.scene is None else FluidState.of(results.scene)
 
 
 def inlet_slope(state: FluidState) -> float:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .pixel_fields import export_field, read_pixels, stored_steps
     from .results import Results
     from .run_comparison import RunComparison, compare
+    from .sealing_index import sealing_indices
     from .tables import attempts_table, leakage_table, rows, summary_html, summary_text
     from .verdict import verdicts_of
     from .verdict_text import verdict_lines, verdict_sentences, verdict_table

@@ -13,7 +13,8 @@ import numpy as np
 
 from ..base import Array, to_text
 from ..base.fields import LEAK_CLASS
-from ..base.leak_rates import LeakBasis, LeakClass, leak_classes, within
+from ..base.leak_rates import USUAL, LeakBasis, LeakClass, leak_classes, within
+from .best_leakage import class_basis_of
 from .variables import add_coordinate, add_new
 
 if TYPE_CHECKING:
@@ -81,6 +82,25 @@ def add_classes(
     text = "fraction of the realisations that meet the class, NaN: open or failed"
     add_new(data, "class_fraction", "1", text, _fraction_met(limits, deciding), LEAK_CLASS)
     return _warnings(classes, deciding.basis.length, diameter)
+
+
+def class_limits(
+    data: xarray.Dataset, classes: Sequence[LeakClass] = (), diameter: float | None = None
+) -> dict[str, float]:
+    """Return the largest leakage per length that each leakage class allows [m²/s], by the name of the class.
+
+    Parameters
+    ----------
+    data : dataset of a run.
+    classes : leakage classes; by default those of the run, and the usual ones if the run has none.
+    diameter : nominal diameter [m]; by default that of the run.
+    """
+    if not classes:
+        has_classes = "leak_class" in data.coords
+        classes = leak_classes(data["leak_class"].values.tolist() if has_classes else USUAL)
+    diameter = diameter or data.attrs.get("nominal_diameter_m")
+    basis = class_basis_of(data)
+    return {leak_class.name: leak_class.limit(basis, diameter) for leak_class in classes}
 
 
 def _is_met(limits: Array, deciding: DecidingLeakage) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -188,6 +188,21 @@ class Results(Plotted):
     def verdict_lines(self) -> list[str]:
         """Paragraphs of text that state the verdicts, see `verdict_text.verdict_paragraphs`."""
         return list(display_package("results").verdict_lines(self))
+
+    def sealing_indices(
+        self,
+        classes: Iterable[str] = (),
+        *,
+        tolerance: float = 0.1,
+        nominal_diameter: float | str | None = None,
+    ) -> tuple[Any, ...]:
+        """Return exponent and required value of the sealing index ∫ pⁿ dl for each leakage class.
+
+        The arguments and the result are those of `sealing_index.sealing_indices`.
+        """
+        return display_package("results").sealing_indices(  # type: ignore[no-any-return]
+            self, classes, tolerance=tolerance, nominal_diameter=nominal_diameter
+        )
 
     # --- load steps -----------------------------------------------------------------------------------------------
 

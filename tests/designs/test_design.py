@@ -11,10 +11,11 @@ from small_cases import STRIP, E, steel_scene
 import femseal as fs
 from femseal.base import InputError, to_text
 from femseal.case import parse_case
+from femseal.designs.data_sheet import sheet_sentences, sheet_tables
 from femseal.designs.requirements import Seals, requirement, sealing_load
 from femseal.designs.sensitivities import Variants, log_leakage_at, sensitivities, slope_at
 from femseal.loads import LoadProgramme
-from femseal.results import assemble
+from femseal.results import RunFacts, assemble
 from femseal.results.verdict import LeakageCurve
 
 STEPS = LoadProgramme.of(
@@ -254,6 +255,44 @@ def test_one_seal_has_no_probability(face):
     assert "without an error budget" in answer.notes[1]
     assert "not unloaded" in answer.notes[2]
     assert "31.6 MPa" in repr(answer)
+
+
+def test_the_data_sheet_shows_the_sealing_index(face, tmp_path):
+    """The table, the file for programs and Python have the same exponents and limits."""
+    loads = {"loading": (5e7, 1e8, 2e8), "unload_from": (2e8,), "unloading": (1e8, 5e7)}
+    scene = steel_scene(face, hardness=2e9, **loads)
+    results = assemble(scene, fs.deterministic(scene))
+    answer = fs.design(results, tmp_path, classes=["1 mL/(m·s)", "2 mL/(m·s)"])
+    indices = results.sealing_indices(["1 mL/(m·s)", "2 mL/(m·s)"])
+    assert repr(answer.sealing_indices) == repr(indices)  # intervals that are not known are NaN
+    table = sheet_tables(answer)[-1]
+    assert table.heads == ("load", "contact pressure", "n", "1 mL/(m·s)", "2 mL/(m·s)")
+    assert table.lines[0][0] == "loading"
+    assert table.lines[-1][0] == "unloading from 200 MPa"
+    assert table.lines[-1][1] == "50 – 200 MPa"
+    assert table.lines[0][2] == f"{indices[0].exponent:.2g}"
+    assert any("integral of pⁿ" in sentence for sentence in sheet_sentences(answer))
+    with (tmp_path / "design.csv").open(encoding="utf-8") as file:
+        rows = [row for row in csv.DictReader(file) if "sealing index" in row["figure"]]
+    assert len(rows) == 3 * len(indices)
+    exponent, first, second = rows[:3]
+    assert_allclose(float(exponent["computed"]), indices[0].exponent)
+    assert_allclose(float(first["computed"]), indices[0].limits[0].value)
+    assert_allclose(float(first["computed"]) / float(second["computed"]), 2)
+    assert first["class"] == "1 mL/(m·s)"
+    assert rows[-1]["assembly_pressure_Pa"] == "200000000.0"
+
+
+def test_a_seal_with_a_seat_has_no_sealing_index(face):
+    scene = steel_scene(face, hardness=2e9, loading=CYCLE["loading"])
+    facts = RunFacts(case={"seat": {"kind": "crowned"}})
+    answer = fs.design(
+        assemble(scene, fs.deterministic(scene), facts=facts), classes=["1 mL/(m·s)"]
+    )
+    assert answer.sealing_indices == ()
+    assert not any("Sealing index" in table.title for table in sheet_tables(answer))
+    (said,) = [sentence for sentence in sheet_sentences(answer) if "sealing index" in sentence]
+    assert "does not follow from this run, because the run has a seat" in said
 
 
 def test_the_stiffness_of_a_wave_is_that_of_its_closed_form():

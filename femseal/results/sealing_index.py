@@ -1,0 +1,495 @@
+"""Compute the sealing index ∫ pⁿ dl of a finish, and the value of it that each leakage class needs.
+
+Designers of metal seals integrate a power of the contact pressure p over the width of the seal, and require that the
+integral is at least a given value (Murtagian et al., J. Tribol. 126, 2004, 591). Exponent and required value usually
+follow from tests. Here they follow from the leakage of a run. The leakage per length of a seal whose permeability k
+changes only along the direction l of the flow is
+
+    q = D / ∫ dl/k        D = (φ(p_in) − φ(p_out)) / ρ
+
+with the pressure potential φ of the fluid at inlet and outlet and the density ρ to which the leakage refers. For a
+liquid, D is the pressure drop over the viscosity; for an ideal gas, φ contains the squares of the pressures. If k is a
+power of the contact pressure, k = k₀ (p/p₀)⁻ⁿ, the leakage is at most q_class if and only if
+
+    ∫ pⁿ dl ≥ p₀ⁿ k₀ D / q_class.
+
+The permeability is that of the whole seal of the run, k = q w/D with its width w. For a stochastic seal, it therefore
+includes the detours of the flow around tiles with a low permeability.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from math import atanh, exp, expm1, inf, isfinite, pi
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..base import Array, Indices, InputError, Pair, reals, to_si, validate
+from ..base.leak_rates import leak_classes
+from ..seal.layouts import AnnularLayout, MeshLayout
+from .class_fluid import class_fluid
+from .leakage_classes import class_limits
+from .results import Results
+from .verdict import LeakageCurve, falling_steps
+
+#: Largest relative deviation of the permeability from a power law within the range of pressures of the law.
+TOLERANCE = 0.1
+#: Quantiles of the realisations that bound the interval of the exponent.
+_QUANTILES = (0.025, 0.975)
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """Describe the permeability of a finish in a range of pressures by k = k₀ (p/p₀)⁻ⁿ.
+
+    Attributes
+    ----------
+    exponent : float
+        Exponent n = −d ln k/d ln p.
+    pressure : float
+        Pressure p₀, the geometric mean of both ends of the range [Pa].
+    permeability : float
+        Permeability k₀ at this pressure [m³].
+    lowest_pressure, highest_pressure : float
+        Range of contact pressures for which the law was fitted [Pa].
+    count : int
+        Number of load steps in the range. Any two steps lie on a power law.
+    deviation : float
+        Largest relative deviation of the permeability from the law in this range.
+    """
+
+    exponent: float
+    pressure: float
+    permeability: float
+    lowest_pressure: float
+    highest_pressure: float
+    count: int
+    deviation: float
+
+    def at(self, pressure: ArrayLike) -> Array:
+        """Return the permeability at a contact pressure [m³]."""
+        return self.permeability * (reals(pressure) / self.pressure) ** -self.exponent
+
+    def needed_index(self, drive: float, leakage: float) -> float:
+        """Return the sealing index that a seal needs to leak at most a given amount [Paⁿ m].
+
+        Parameters
+        ----------
+        drive : float
+            Drop D of the pressure potential over the density [1/s]; for a liquid, the pressure drop over the viscosity.
+        leakage : float
+            Largest leakage per length of the seal [m²/s].
+        """
+        return self.pressure**self.exponent * self.permeability * drive / leakage
+
+
+@dataclass(frozen=True)
+class IndexLimit:
+    """Hold the sealing index that a leakage class needs.
+
+    Attributes
+    ----------
+    name : str
+        Name of the class.
+    leakage : float
+        Largest leakage per length of the seal in the class [m²/s].
+    value : float
+        Smallest sealing index that meets the class according to the computed leakage [Paⁿ m].
+    lower, upper : float
+        95 % interval of this value [Paⁿ m]; it includes the deviation from the power law. NaN without an interval, and
+        `upper` is inf if the error of the leakage has no upper bound.
+    exponent : float
+        Exponent n, which is part of the unit of the index.
+    """
+
+    name: str
+    leakage: float
+    value: float
+    lower: float
+    upper: float
+    exponent: float
+
+    def in_megapascals(self, index: float) -> float:
+        """Convert a sealing index from Paⁿ m to MPaⁿ mm."""
+        return index * 10 ** (3 - 6 * self.exponent)
+
+
+@dataclass(frozen=True)
+class SealingIndex:
+    """Hold the sealing index of a finish in a range of contact pressures.
+
+    Attributes
+    ----------
+    law : PowerLaw
+        Permeability over the contact pressure.
+    unloaded_from : float or None
+        Pressure from which the seal was unloaded [Pa]; None on loading.
+    exponent_interval : pair of float
+        Exponents of both ends of the 95 % interval of the leakage and of 95 % of the realisations.
+    limits : tuple of IndexLimit
+        Sealing index that each leakage class needs.
+    """
+
+    law: PowerLaw
+    unloaded_from: float | None
+    exponent_interval: Pair
+    limits: tuple[IndexLimit, ...]
+
+    @property
+    def exponent(self) -> float:
+        """Exponent n of the sealing index."""
+        return self.law.exponent
+
+    def of_profile(self, positions: ArrayLike, pressures: ArrayLike) -> float:
+        """Integrate pⁿ over a profile of the contact pressure [Paⁿ m], see `integrate_power`."""
+        return integrate_power(positions, pressures, self.exponent)
+
+
+# --- plain functions --------------------------------------------------------------------------------------------
+
+
+def fit_power_law(pressures: ArrayLike, permeabilities: ArrayLike) -> PowerLaw:
+    """Fit a power law to the permeability, such that its largest relative deviation is as small as possible.
+
+    Parameters
+    ----------
+    pressures : array_like
+        Contact pressures in any order [Pa].
+    permeabilities : array_like
+        Permeability at each pressure [m³].
+
+    Returns
+    -------
+    PowerLaw
+
+    Raises
+    ------
+    InputError
+        There are fewer than two different pressures, or a value is not above 0.
+
+    Examples
+    --------
+    >>> law = fit_power_law([1e8, 2e8, 4e8], [8e-18, 1e-18, 0.125e-18])
+    >>> round(law.exponent, 9), round(law.deviation, 9)
+    (3.0, 0.0)
+    """
+    p = _positive("pressures", pressures)
+    k = _positive("permeabilities", permeabilities)
+    if p.shape != k.shape:
+        raise InputError(
+            "permeabilities", f"{k.size} values", f"one for each of {p.size} pressures"
+        )
+    if np.unique(p).size < max(p.size, 2):
+        raise InputError(
+            "pressures", f"{np.unique(p).size} different ones", "two or more, all different"
+        )
+    x, y = np.log(p), np.log(k)
+    # the best straight line in the sense of Chebyshev is parallel to a line through two of the points
+    first, second = np.triu_indices(p.size, 1)
+    slopes = (y[second] - y[first]) / (x[second] - x[first])
+    residuals = y - slopes[:, None] * x  # (slope, pressure)
+    highest = residuals.max(axis=1)
+    lowest = residuals.min(axis=1)
+    best = int(np.argmin(highest - lowest))
+    middle = (x.min() + x.max()) / 2
+    intercept = (highest[best] + lowest[best]) / 2
+    return PowerLaw(
+        exponent=-float(slopes[best]),
+        pressure=exp(middle),
+        permeability=exp(intercept + slopes[best] * middle),
+        lowest_pressure=float(p.min()),
+        highest_pressure=float(p.max()),
+        count=p.size,
+        deviation=expm1((highest[best] - lowest[best]) / 2),
+    )
+
+
+def fit_power_laws(
+    pressures: ArrayLike, permeabilities: ArrayLike, tolerance: float = TOLERANCE
+) -> tuple[PowerLaw, ...]:
+    """Divide the pressures into as few ranges as possible in each of which the permeability is a power law.
+
+    Neighbouring ranges have one pressure in common.
+
+    Parameters
+    ----------
+    pressures, permeabilities : array_like
+        See `fit_power_law`.
+    tolerance : float
+        Largest relative deviation of the permeability from the law in each range, above 0 and below 1.
+
+    Returns
+    -------
+    tuple of PowerLaw
+        Laws from the highest range to the lowest.
+    """
+    tolerance = validate.tolerance("tolerance", tolerance)
+    p = _positive("pressures", pressures)
+    k = _positive("permeabilities", permeabilities)
+    fit_power_law(p, k)  # checks the values
+    falling = np.argsort(p)[::-1]
+    p, k = p[falling], k[falling]
+    laws = []
+    start = 0
+    while start < p.size - 1:
+        law = fit_power_law(p[start : start + 2], k[start : start + 2])
+        for end in range(start + 3, p.size + 1):
+            longer = fit_power_law(p[start:end], k[start:end])
+            if longer.deviation > tolerance:
+                break
+            law = longer
+        laws.append(law)
+        start += law.count - 1
+    return tuple(laws)
+
+
+def integrate_power(positions: ArrayLike, pressures: ArrayLike, exponent: float) -> float:
+    """Integrate pⁿ over a profile of the contact pressure, which is linear between its points.
+
+    Parameters
+    ----------
+    positions : array_like
+        Positions along the direction of the leakage, in rising order [m].
+    pressures : array_like
+        Contact pressure at each position, >= 0 [Pa].
+    exponent : float
+        Exponent n > 0.
+
+    Returns
+    -------
+    float
+        Sealing index [Paⁿ m].
+
+    Examples
+    --------
+    >>> integrate_power([0.0, 2e-3], [3.0, 3.0], 2.0)  # 9 Pa² over 2 mm
+    0.018
+    """
+    n = validate.number("exponent", exponent)
+    l, p = reals(positions), reals(pressures)
+    if l.ndim != 1 or l.size < 2 or not (np.isfinite(l).all() and (np.diff(l) > 0).all()):
+        raise InputError("positions", positions, "two or more positions in rising order [m]")
+    if p.shape != l.shape or not (np.isfinite(p).all() and (p >= 0).all()):
+        raise InputError("pressures", pressures, "a pressure >= 0 for each position [Pa]")
+    smaller, larger = np.minimum(p[:-1], p[1:]), np.maximum(p[:-1], p[1:])
+    rise = larger - smaller
+    is_level = (
+        rise <= 1e-6 * larger
+    )  # here the mean of both ends is more accurate than the difference of powers
+    safe_rise = np.where(is_level, 1.0, rise)
+    exact = (larger ** (n + 1) - smaller ** (n + 1)) / ((n + 1) * safe_rise)
+    mean = np.where(is_level, ((larger + smaller) / 2) ** n, exact)
+    return float(np.sum(mean * np.diff(l)))
+
+
+def _positive(name: str, values: ArrayLike) -> Array:
+    """Return values as an array; raise InputError unless all of them are finite and above 0."""
+    array = reals(values)
+    if array.ndim != 1 or not (np.isfinite(array).all() and (array > 0).all()):
+        raise InputError(name, values, "finite numbers > 0")
+    return array
+
+
+# --- results of a run -------------------------------------------------------------------------------------------
+
+
+def sealing_indices(
+    results: Results,
+    classes: Iterable[str] = (),
+    *,
+    tolerance: float = TOLERANCE,
+    nominal_diameter: float | str | None = None,
+) -> tuple[SealingIndex, ...]:
+    """Compute the sealing index of the finish of a run, on loading and after unloading from the highest load.
+
+    Parameters
+    ----------
+    results : Results
+        Results of a run whose nominal pressure is uniform over the seal.
+    classes : iterable of str
+        Leakage classes, or leakages with their unit. Default: the classes of the case, or else L0.01, L0.1 and L1.
+    tolerance : float
+        Largest relative deviation of the permeability from a power law in each range.
+    nominal_diameter : float or str, optional
+        Nominal diameter [m] for the rates of ISO 5208, or a text such as "50 mm".
+
+    Returns
+    -------
+    tuple of SealingIndex
+        One for each range of pressures: first those on loading, then those on unloading, each from the highest range to
+        the lowest.
+
+    Raises
+    ------
+    InputError
+        The pressure differs over the seal, the seal is a mesh, the fluid is unknown, or the seal leaks at fewer than
+        two loads of a branch.
+    """
+    if isinstance(nominal_diameter, str):
+        nominal_diameter = to_si(nominal_diameter, "m", "nominal_diameter")
+    names = tuple(classes)
+    limits = class_limits(results.dataset, leak_classes(names) if names else (), nominal_diameter)
+    return indices_of_limits(results, limits, tolerance)
+
+
+def indices_of_limits(
+    results: Results, limits: Mapping[str, float], tolerance: float = TOLERANCE
+) -> tuple[SealingIndex, ...]:
+    """Compute the sealing index like `sealing_indices`, for given limits of the leakage.
+
+    Parameters
+    ----------
+    results : Results
+        Results of a run whose nominal pressure is uniform over the seal.
+    limits : mapping
+        Largest leakage per length of the seal [m²/s], by the name of the limit. Limits of 0 are left out, because no
+        finite index prevents all leakage.
+    tolerance : float
+        Largest relative deviation of the permeability from a power law in each range.
+    """
+    tolerance = validate.tolerance("tolerance", tolerance)
+    seal = _Seal(results)
+    indices = []
+    for peak in (None, *seal.curve.steps.unload_from[-1:]):
+        steps = seal.leaking_steps(peak)
+        if steps.size < 2:
+            continue
+        laws = fit_power_laws(seal.pressures[steps], seal.permeability[steps], tolerance)
+        start = 0
+        for law in laws:
+            indices.append(seal.index(law, peak, steps[start : start + law.count], limits))
+            start += law.count - 1
+    if not indices:
+        raise InputError("results", "a seal that leaks at fewer than two loads", "two or more")
+    return tuple(indices)
+
+
+class _Seal:
+    """Hold the permeability of a seal at each load, with its interval."""
+
+    def __init__(self, results: Results) -> None:
+        fluid = class_fluid(results)
+        if fluid is None:
+            raise InputError("results", "an unknown fluid", "the fluid that decides on the classes")
+        self.drive = abs(fluid.drop)
+        self.curve = LeakageCurve.of_results(results)
+        self.pressures = self.curve.steps.pressures
+        self.to_permeability = equivalent_width(results) / self.drive  # m³ for each m²/s
+        self.permeability = self.curve.leakage * self.to_permeability
+        _, realisations = results.class_leakage
+        self.realisations = np.abs(realisations)
+        self.lower, self.upper = self.curve.lower, self.curve.upper
+        self.has_interval = self.curve.has_interval
+        if not self.has_interval and len(self.realisations) > 1:
+            self.lower, self.upper = np.quantile(self.realisations, _QUANTILES, axis=0)
+            self.has_interval = True
+
+    def leaking_steps(self, peak: float | None) -> Indices:
+        """List the steps of a branch at which the seal leaks a known amount, from the highest load to the lowest."""
+        steps = falling_steps(self.curve.steps, peak)
+        leakage = self.curve.leakage[steps]
+        is_leaking = np.isfinite(leakage) & (leakage > 0) & (self.pressures[steps] > 0)
+        return steps[is_leaking]
+
+    def index(
+        self, law: PowerLaw, peak: float | None, steps: Indices, limits: Mapping[str, float]
+    ) -> SealingIndex:
+        """Make the sealing index of one range of pressures."""
+        fitted = law.at(self.pressures[steps])
+        lower_ratio = upper_ratio = np.nan
+        if self.has_interval:
+            lower_ratio = float((self.lower[steps] * self.to_permeability / fitted).min())
+            upper_ratio = float((self.upper[steps] * self.to_permeability / fitted).max())
+        index_limits = []
+        for name, leakage in limits.items():
+            if leakage <= 0:
+                continue
+            value = law.needed_index(self.drive, leakage)
+            index_limits.append(
+                IndexLimit(
+                    name=name,
+                    leakage=leakage,
+                    value=value,
+                    lower=value * lower_ratio,
+                    upper=value * upper_ratio,
+                    exponent=law.exponent,
+                )
+            )
+        interval = self._exponent_interval(law, steps)
+        return SealingIndex(law, peak, interval, tuple(index_limits))
+
+    def _exponent_interval(self, law: PowerLaw, steps: Indices) -> Pair:
+        """Return the smallest and the largest exponent of both ends of the interval and of the realisations."""
+        if not self.has_interval:
+            return np.nan, np.nan
+        pressures = self.pressures[steps]
+        lowest = highest = law.exponent
+        for end, unknown in ((self.lower[steps], inf), (self.upper[steps], -inf)):
+            is_usable = np.isfinite(end).all() and (end > 0).all()
+            # a seal that may be sealed or may leak any amount can have any exponent on this side
+            exponent = fit_power_law(pressures, end).exponent if is_usable else unknown
+            lowest, highest = min(lowest, exponent), max(highest, exponent)
+        leakages = self.realisations[:, steps]
+        leakages = leakages[(np.isfinite(leakages) & (leakages > 0)).all(axis=1)]
+        if len(leakages) > 1:
+            exponents = [fit_power_law(pressures, leakage).exponent for leakage in leakages]
+            low, high = np.quantile(exponents, _QUANTILES)
+            lowest, highest = min(lowest, float(low)), max(highest, float(high))
+        return lowest, highest
+
+
+def equivalent_width(results: Results) -> float:
+    """Return the width w of a straight seal that leaks as much per length as the seal of a run, q = k D/w [m].
+
+    For a strip, this is its width. For a ring it is r ln(r_o/r_i) with the mean radius r.
+
+    Raises
+    ------
+    InputError
+        The seal is a mesh, or the pressure differs over the seal.
+    """
+    _check_uniform_pressure(results)
+    width, length = results.dataset.attrs["seal_size_m"]
+    if results.method != "median":
+        return float(width)  # without realisations, the seal is a strip as large as the face
+    kind = results.case.get("seal", {}).get("kind") if results.case else None
+    if kind is None and results.scene is not None:
+        kind = results.scene.layout.kind
+    if kind == MeshLayout.kind:
+        raise InputError(
+            "results", "a seal whose shape is a mesh", "a strip or a ring, of one width"
+        )
+    if kind == AnnularLayout.kind:
+        diameter = length / pi
+        return float(diameter * atanh(width / diameter))
+    return float(width)
+
+
+def _check_uniform_pressure(results: Results) -> None:
+    """Raise InputError if the nominal pressure differs over the seal of a run."""
+    case = results.case or {}
+    reasons = {
+        "a map of the pressure": case.get("load", {}).get("map"),
+        "a form of the seal": case.get("seal", {}).get("form") or "drawn_form" in results.dataset,
+        "a seat": (case.get("seat") or {}).get("kind", "flat") != "flat",
+    }
+    for reason, is_given in reasons.items():
+        if is_given:
+            expected = "a uniform pressure; run the same finish on a flat strip"
+            given = f"{reason}, so that the pressure differs over the seal"
+            raise InputError("results", given, expected)
+
+
+def index_text(value: float) -> str:
+    """Write a sealing index with two digits, such as 3400, 1.2e7 or "unknown"."""
+    if not isfinite(value):
+        return "unknown"
+    if value == 0:
+        return "0"
+    if 0.01 <= value < 1e5:
+        rounded = float(f"{value:.2g}")
+        return f"{rounded:g}"
+    mantissa, _, power = f"{value:.1e}".partition("e")
+    return f"{mantissa}e{int(power)}"
