@@ -10,6 +10,7 @@ from references import (
     critical_area,
     cut_faces,
     finishes,
+    handbook,
     open_area,
     programs,
     rock_fractures,
@@ -163,3 +164,41 @@ def test_a_face_gives_the_cycle_of_rock_fractures():
     best = rock_fractures.rock_fractures(scales=(0.05, 0.07), hardnesses=(0.18, 0.3))
     for what in ("rise", "left"):
         assert_allclose(best[f"{what}, ours"], best[f"{what}, measured"], rtol=1 / 3)
+
+
+class TestHandbook:
+    """Exponents of pressure, hardness and finish beside those of NSWC-11."""
+
+    @pytest.fixture(scope="class")
+    def found(self):
+        return handbook.handbook_exponents(
+            n=128, seeds=(1, 2), rms=(0.5e-6, 2e-6), loads=(0.02, 0.2)
+        )
+
+    def test_the_exponent_of_pressure_passes_the_one_of_the_handbook(self, found):
+        for kind in ("turned", "ground"):
+            light, heavy = (found[kind, load]["pressure"] for load in (0.02, 0.2))
+            assert (light < 2).all()
+            assert (heavy > 1.5 * light).all()
+            assert heavy.max() > 0.8 * handbook.CLAIMED["pressure"]
+
+    def test_finish_counts_more_than_in_the_handbook(self, found):
+        for values in found.values():
+            assert (values["finish"] > 2.9).all()
+
+    def test_the_exponent_of_hardness_by_the_scaling_law_is_that_of_another_hardness(
+        self, monkeypatch
+    ):
+        surface = handbook.face("ground", 128, 1)
+        expected = handbook.exponents(surface, 1e-6, 0.1)["hardness"]
+        pressure = 0.1 * handbook.HARDNESS
+        logs = []
+        for factor in (1 / handbook.STEP, handbook.STEP):
+            monkeypatch.setattr(handbook, "HARDNESS", factor * pressure / 0.1)
+            logs.append(handbook.log_permeability(surface, 1e-6, pressure))
+        assert_allclose((logs[1] - logs[0]) / (2 * np.log(handbook.STEP)), expected, rtol=0.05)
+
+
+def test_ranges_say_what_is_sealed():
+    texts = [handbook.range_text(np.array(v)) for v in ([1.2, 0.95], [np.nan, 3.0], [np.nan])]
+    assert texts == ["0.95 to 1.2", "3 (1 sealed)", "sealed"]
