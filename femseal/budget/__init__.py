@@ -2,9 +2,9 @@
 
 `sources.py` lists all error sources. Each one says which modified versions of the input have to be solved for it
 (`versions.py`), and evaluates them. A run and its forecast iterate over this list. A budget belongs to one study of one
-scene: `estimates.py` and `resolution.py` estimate its numerical errors, `changed_models.py` those of the model, and
-`error_parts.py` combines all error sources to one interval. All errors are distances of ln(leakage), because near
-closing an error is a factor rather than a difference.
+scene: `estimates.py` and `resolution.py` estimate its numerical errors, `changed_models.py` estimates the errors of the
+model, and `error_parts.py` combines all error sources into one interval. All errors are expressed as distances from
+ln(leakage), because near closing the leakage is uncertain by a factor rather than by a difference.
 """
 
 from typing import TYPE_CHECKING

@@ -1,10 +1,10 @@
-"""Plausibility checks of a scene and its leakage, and a quick estimate with which the leakage is compared.
+"""Check the plausibility of a scene and its leakage, and estimate the leakage quickly for a comparison.
 
 plausibility     Warnings about a scene and its solution. Every study calls `result_warnings`.
 quick_estimate   Contact and leakage from the spectrum of the surface alone.
 flow_limits      Warnings about flow outside of the model: choked flow, inertia, gases that are not ideal.
 coatings         Warnings about the roughness on a coating, and the depth to which it yields.
-form_effect      Leakage of a measured patch with its curvature, without it, and without its longest waves.
+form_effect      Leakage of a measured patch as it is, without its curvature, and without its longest waves.
 """
 
 from typing import TYPE_CHECKING

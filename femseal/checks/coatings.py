@@ -1,4 +1,4 @@
-"""Plausibility of coatings: the roughness on them, and the depth to which they yield."""
+"""Check the plausibility of coatings: their roughness, and the depth to which they yield."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LARGEST_ROUGHNESS = 1 / 3
 
 
 def roughness_of_coating_warnings(scene: Scene) -> Iterator[str]:
-    """Warn of a roughness that is not small against the thickness of a coating."""
+    """Warn if the roughness is not small compared with the thickness of a coating."""
     height = scene.surface.rms_height
     for body in scene.coatings:
         if height > _LARGEST_ROUGHNESS * body.thickness:
@@ -36,8 +36,9 @@ def coating_depth_warnings(scene: Scene, plastic_depth: Array | None) -> Iterato
     scene : Scene
         The surface, its load and its coatings.
     plastic_depth : array (steps,) or None
-        Largest plastic deformation [m]. None if the scene has not been solved yet. An upper estimate is then used: all
-        points above a certain height carry the load at the hardness, and are flattened to this height.
+        Largest plastic deformation [m]. None if the scene has not been solved yet. Then the depth is estimated from
+        above: all points above a certain height carry the load with the hardness as their pressure, and are flattened
+        to this height.
     """
     if not scene.coatings or not isfinite(scene.law.mean_hardness):
         return
@@ -46,6 +47,7 @@ def coating_depth_warnings(scene: Scene, plastic_depth: Array | None) -> Iterato
     if plastic_depth is None:
         verb = "may yield"
         heights = scene.surface.heights
+        # the flattened fraction A of the points carries the load at the hardness: nominal pressure = A · hardness
         flattened_fraction = np.clip(pressures / scene.law.mean_hardness, 0.0, 1.0)
         depths = heights.max() - np.quantile(heights, 1 - flattened_fraction)
     else:

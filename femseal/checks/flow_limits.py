@@ -51,9 +51,9 @@ def choked_flux(fluid: Fluid, pressure: float) -> float:
 def flow_warnings(scene: Scene, leakage: Array, mean_gap: Array) -> Iterator[str]:
     """Warn if a gas flow would be choked, or if inertia is not negligible, at the load step where this is worst.
 
-    Inertia is measured by the reduced Reynolds number (ρuh/η)(h/λ). Its first factor is the mass rate per seal length
-    divided by the viscosity η. The wavelength λ = 2πSq/Sdq is that of a sine wave with the rms height Sq and the rms
-    slope Sdq of the surface.
+    Inertia is measured by the reduced Reynolds number (ρuh/η)(h/λ). The mass rate per seal length is ρuh, with the
+    density ρ, the velocity u and the mean gap h; η is the viscosity. The wavelength λ = 2πSq/Sdq belongs to a sine wave
+    with the rms height Sq and the rms slope Sdq of the surface.
 
     Parameters
     ----------
@@ -100,7 +100,8 @@ def _viscosity(fluid: Any, pressure: float) -> float:
 def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[str]:
     """Warn if an ideal gas is used at pressures at which the real gas is not ideal.
 
-    Nearly ideal gases are checked above 20 bar, all others above 2 bar, because many of them condense.
+    A nearly ideal gas leads to a warning only at inlet pressures above 20 bar. Other gases are checked above 2 bar,
+    because many of them condense at such pressures.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Run a case with a required accuracy in several attempts, each of which reduces the largest error of the last one."""
+"""Run a case with a required accuracy: refine the settings in several attempts, always where the error is largest."""
 
 import json
 import logging
@@ -29,8 +29,8 @@ from ..studies.study_registry import contact_tolerance
 
 #: Time limit of all attempts [s] if the case has an accuracy but no time limit.
 TIME_LIMIT = 3600.0
-#: Number of times that the points along each side are doubled, relative to the points of the case, in the first attempt
-#: and in the finest one. On the grid of the case the shortest wave has 8 pixels. In the first attempt it has 4 pixels,
+#: Grid of the first and of the finest attempt: how many times the points along each side are doubled, relative to the
+#: points of the case. On the grid of the case, the shortest wave has 8 pixels. In the first attempt it has 4 pixels,
 #: and 2 on the coarser grid with which the error of this attempt is estimated. With even fewer pixels, the estimated
 #: error was too small by up to a factor of 2.
 FIRST_GRID, MOST_GRID = -1, 4
@@ -42,22 +42,22 @@ _ADVICE = {
     "were measured",
     "patch": "one measured patch does not show more; measure a larger area or more patches",
 }
-#: Number of realisations in the first attempt, and the largest number. The error of the median is halved if the number
-#: is multiplied by `HALVING`.
+#: Number of realisations in the first attempt, and largest number of realisations. Multiplying the number of
+#: realisations by `HALVING` halves the error of their median.
 FIRST_SEALS, MOST_SEALS, HALVING = 20, 20480, 4
 log = logging.getLogger("femseal.refinement")
 
 
 @dataclass(frozen=True)
 class Settings:
-    """Numerical settings of an attempt.
+    """Hold the numerical settings of an attempt.
 
     Parameters
     ----------
     method : name of the study that gives the leakage.
-    grid : number of times that the points along each side of the surface are doubled; negative if they are halved.
+    grid : exponent g; the number of points along each side of the surface is 2^g times its original value.
     rtol : tolerance of the contact solution, as a relative residual.
-    realisations : number of realisations; None if the study has none.
+    realisations : number of realisations; None if the study has no realisations.
     """
 
     method: str
@@ -93,7 +93,8 @@ def first_settings(case: Case, original: Prepared) -> Settings:
     settings = Settings(original.answer.name, 0, rtol, realisations)
     if "grid" in given:
         return settings
-    # the error is estimated on a grid with half the points along each side, whose cells must have enough points, too
+    # The error is estimated by comparison with a grid that has half the points along each side. The cells of this grid
+    # must have enough points as well.
     points = grid_points(original, FIRST_GRID - 1)
     cells = original.cells or (1, 1)
     has_enough_points = all(n // m >= FEWEST_POINTS for n, m in zip(points, cells, strict=True))
@@ -101,9 +102,10 @@ def first_settings(case: Case, original: Prepared) -> Settings:
 
 
 def grid_points(original: Prepared, grid: int) -> Shape:
-    """Return the numbers of points along both sides of the surface after they are doubled `grid` times.
+    """Return the numbers of points along both sides of the surface on a finer or coarser grid.
 
-    They are rounded up to multiples of `original.points_divide_by`, so that a surface can be divided into equal blocks.
+    They are the original numbers times 2^`grid`, rounded up to multiples of `original.points_divide_by`, so that the
+    surface can be divided into equal blocks.
     """
     n1, n2 = (
         ceil(n * 2.0**grid / divisor) * divisor
@@ -113,7 +115,7 @@ def grid_points(original: Prepared, grid: int) -> Shape:
 
 
 def apply_settings(original: Prepared, settings: Settings) -> Prepared:
-    """Return a prepared case with other settings; the surface is resampled to the grid of the settings.
+    """Return the prepared case with other settings, and with its surface resampled to the grid of these settings.
 
     original : prepared case on the original grid of its surface.
     """
@@ -132,20 +134,23 @@ def apply_settings(original: Prepared, settings: Settings) -> Prepared:
 
 
 def first_version(case: Case, original: Prepared) -> Prepared:
-    """Prepare the first attempt at the accuracy of a case."""
+    """Prepare the first attempt to reach the accuracy of a case."""
     with refuse_impossible_sizes():
         return apply_settings(original, first_settings(case, original))
 
 
 def last_version(case: Case, original: Prepared, attempts: dict[str, Any] | None) -> Prepared:
-    """Prepare a case with the settings of the last attempt of its results; without attempts, return the case itself."""
+    """Prepare a case with the settings of the last attempt. If there were no attempts, its settings are not changed.
+
+    attempts : record of the attempts, as in `Results.attempts`.
+    """
     if attempts is None or case.accuracy is None:
         return original
     return apply_settings(original, Settings(**attempts["settings"]))
 
 
 def expected_cost(prepared: Prepared) -> tuple[float, float]:
-    """Estimate the time on one core [s] and the memory [byte] of the study that gives the leakage, without others."""
+    """Estimate the time on one core [s] and the memory [byte] of the study that gives the leakage, solved alone."""
     answer = prepared.answer
     only_answer = replace(prepared, methods=frozenset({answer.name}))
     return only_answer.cost(answer)
@@ -154,19 +159,20 @@ def expected_cost(prepared: Prepared) -> tuple[float, float]:
 def finer_settings(
     case: Case, original: Prepared, settings: Settings, part: str, memory: float
 ) -> tuple[Settings | None, str]:
-    """Choose settings that halve one source of error, approximately.
+    """Choose settings that approximately halve the error from one error source.
 
     Parameters
     ----------
     case : the case.
     original : prepared case on the original grid of its surface.
     settings : settings of the last attempt.
-    part : name of the error source in the error budget of the last attempt.
+    part : name of the error source.
     memory : memory that an attempt may use [byte].
 
     Returns
     -------
-    The settings, and a text that describes the change. If the error cannot be reduced, None and a text with the reason.
+    The settings, and a text that describes the change. If the error cannot be reduced, the result is None and a text
+    with the reason.
     """
     rtol = settings.rtol / 10
     grid = settings.grid + 1
@@ -208,12 +214,12 @@ def finer_settings(
 
 
 class _Refinement(NamedTuple):
-    """Change of one setting that halves an error, approximately.
+    """Describe a change of one setting that approximately halves an error.
 
     setting : name of the setting in `Settings`.
     value : new value of the setting.
     text : the new value as text.
-    is_allowed : whether the new value is within the limits for attempts.
+    is_allowed : whether the new value is still within the limits that hold for all attempts.
     """
 
     setting: str
@@ -224,17 +230,17 @@ class _Refinement(NamedTuple):
 
 @dataclass(frozen=True)
 class Attempt:
-    """One attempt to reach the required accuracy.
+    """Describe one attempt to reach the required accuracy.
 
     Parameters
     ----------
     settings : settings of the attempt.
     points : numbers of points of the surface.
-    seconds : wall time [s], including the coarser solution with which the error of the pixels is estimated.
-    half_width : half-width of the 95 % interval of ln(leakage) at the load step at which it is largest; inf if the
-        interval is unbounded.
-    limit : error source with the widest interval at this load step.
-    load : name of this load step.
+    seconds : wall time [s], including the coarser solution with which the error of the pixel size is estimated.
+    half_width : largest half-width of the 95 % interval of ln(leakage) over the load steps; inf if the interval is
+        unbounded.
+    limit : error source with the widest interval.
+    load : name of the load step with the largest half-width.
     parts : half-width of the interval of each error source.
     """
 
@@ -256,18 +262,18 @@ class Attempt:
 
 @dataclass(frozen=True, eq=False)
 class RefinedAnswer:
-    """Result of the last attempt, which has the finest settings, and a record of all attempts.
+    """Hold the result of the last attempt, which has the finest settings, and a record of all attempts.
 
     Parameters
     ----------
     prepared : prepared case with the settings of the last attempt.
-    result : result of its study.
+    result : result of the study in the last attempt.
     budget : error budget of this result.
     attempts : all attempts in their order.
-    reason : reason why there is no further attempt although the accuracy is not reached; "" if it is reached.
-    half_error : description of the change and the time that would halve the error.
+    reason : reason why the accuracy was not reached and no further attempt was made; "" if the accuracy was reached.
+    half_error : text that says which settings would halve the error, and how long this would take.
     accuracy : required accuracy, as the largest relative error of the leakage.
-    time_limit : time limit of all attempts [s].
+    time_limit : time limit for all attempts together [s].
     """
 
     prepared: Prepared
@@ -292,7 +298,7 @@ class RefinedAnswer:
         )
 
     def as_data(self, budget: ErrorBudget) -> dict[str, Any]:
-        """Return the attempts as plain data for the results; infinite and undefined numbers are None.
+        """Return the attempts as plain data for the results, in which infinite and undefined numbers are None.
 
         budget : error budget that includes the error sources of the model and its input.
         """
@@ -318,7 +324,7 @@ class RefinedAnswer:
 def refine_to_accuracy(case: Case, original: Prepared, run: Run) -> RefinedAnswer:
     """Solve a case with finer and finer settings, until its accuracy is reached or cannot be reached.
 
-    Each attempt refines the setting that causes the largest error of the previous attempt.
+    Each attempt refines the setting that caused the largest error in the previous attempt.
 
     Parameters
     ----------
@@ -370,7 +376,7 @@ def refine_to_accuracy(case: Case, original: Prepared, run: Run) -> RefinedAnswe
 
 @dataclass(eq=False)
 class _Attempts:
-    """Attempts of a case so far.
+    """Carry out the attempts for a case, and record them.
 
     case : the case.
     original : prepared case on the original grid of its surface.
@@ -457,11 +463,11 @@ class _Attempts:
 
     @property
     def _so_far(self) -> tuple[str, int]:
-        """Case as text and number of finished attempts, which together identify a decision of the run in its store."""
+        """Case as text and number of finished attempts; together, they identify a stored decision of the run."""
         return json.dumps(self.case.echo(), default=str), len(self.done)
 
     def half_error(self) -> str:
-        """Describe the change that would halve the largest error of the last attempt, and the time it would take."""
+        """Say which settings would halve the largest error of the last attempt, and how long this would take."""
         last = self.done[-1]
         finer, change = finer_settings(
             self.case, self.original, last.settings, last.limit, self.memory

@@ -1,7 +1,8 @@
 """Collect the results of a run in a dataset, and make tables and files for other programs from it.
 
 `assemble` collects the results of the studies of a scene in one dataset; `save` and `open_results` write and read it.
-The other modules compute something from the dataset. Pictures are drawn in `plots`, and the report is made in `report`.
+The other modules make tables, verdicts on leakage classes, comparisons and files from this dataset. Pictures are drawn
+in `plots`, and the report is made in `report`.
 """
 
 from typing import TYPE_CHECKING

@@ -79,7 +79,7 @@ def basis_attributes(basis: LeakBasis, prefix: str = "") -> dict[str, float]:
 
 
 def leak_basis_of(data: xarray.Dataset, prefix: str = "") -> LeakBasis:
-    """Return the seal length and the reference state of the fluid, which convert a leakage to another unit.
+    """Return the seal length and the reference state of the fluid, which are needed to convert a leakage.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def asked_unit(data: xarray.Dataset) -> LeakUnit | None:
 def unit_of_leakage(data: xarray.Dataset) -> LeakUnit:
     """Return the unit in which tables and pictures show the leakage.
 
-    If the case gives no suitable unit, a unit of leakage per length of the seal is chosen that gives readable numbers.
+    If the case gives no suitable unit, the unit is a leakage per length of the seal, chosen to give readable numbers.
     """
     asked = asked_unit(data)
     if asked is not None and leak_basis_of(data).has(asked):
@@ -118,7 +118,7 @@ def unit_of_leakage(data: xarray.Dataset) -> LeakUnit:
 
 
 def error_budgets(data: xarray.Dataset) -> dict[str, ErrorBudget]:
-    """Return the error budget of each method, by "deterministic", "two_scale" and "stochastic".
+    """Return the error budgets by the name of their method, such as "deterministic", "two_scale" or "stochastic".
 
     Methods without an error budget are left out.
     """
@@ -149,12 +149,12 @@ def best_budget(data: xarray.Dataset) -> ErrorBudget | None:
 
 
 def has_test_fluid(data: xarray.Dataset) -> bool:
-    """Return whether a run has a test fluid, whose leakage then decides on leakage classes."""
+    """Return whether a run has a test fluid. Its leakage then decides whether leakage classes are met."""
     return "test_leakage" in data
 
 
 def class_basis_of(data: xarray.Dataset) -> LeakBasis:
-    """Return the seal length and the reference state of the fluid of the class leakage."""
+    """Return the seal length and the reference state of the fluid that decides on leakage classes."""
     return leak_basis_of(data, "test_" if has_test_fluid(data) else "")
 
 
@@ -176,7 +176,7 @@ def class_leakage_of_realisations(data: xarray.Dataset) -> Array:
 
 
 def failed_steps(data: xarray.Dataset) -> Flags:
-    """Mark the steps at which the leakage of the fluid or of the test fluid could not be computed, (step,)."""
+    """Return a flag for each step: True if the leakage of the fluid or of the test fluid could not be computed."""
     has_failed = np.isnan(best_leakage(data).values) | np.isnan(class_leakage_of(data))
     has_failed[open_steps(data)] = False
     return has_failed
@@ -187,18 +187,18 @@ def class_interval_of(
 ) -> tuple[Array, Array] | None:
     """Return the 95 % interval of the class leakage.
 
-    Only the leakage of the fluid of the run has an error budget. The interval of a test fluid is obtained by
-    multiplying the interval of the fluid of the run by the ratio of the two leakages. At steps at which one of them is
-    zero, the largest ratio of all steps is used, so that the upper end is not too low.
+    Only the leakage of the fluid of the run has an error budget. For a test fluid, this interval is multiplied by the
+    ratio of the two leakages. At steps at which the seal does not leak for one of the fluids, the largest ratio of all
+    steps is used, so that the upper end is not too low.
 
     Parameters
     ----------
     data : dataset of a run.
-    budget : error budget of the best method; by default the one stored in the dataset.
+    budget : error budget of the best method; by default the budget that is stored in the dataset.
 
     Returns
     -------
-    Lower and upper end (step,) [m²/s], NaN where unknown; None without an error budget.
+    Lower and upper end (step,) [m²/s], NaN where unknown. The result is None if there is no error budget.
     """
     if budget is None:
         budget = best_budget(data)

@@ -1,6 +1,6 @@
-"""Options for the files of results that a case can choose.
+"""Define the options of a case for the files of its results.
 
-They have a module of their own so that a case can be read without importing the solvers.
+These options are in a separate module, so that a case can be read without importing the solvers.
 """
 
 from ..base import InputError
@@ -15,7 +15,7 @@ FIELDS_LIMIT = 1e9
 
 
 def read_formats(text: str | None) -> tuple[str, ...]:
-    """Read the formats of an option of a command; () if it is not given.
+    """Read the picture formats from the option of a command, such as "svg,pdf"; () if the option is not given.
 
     >>> read_formats("svg,pdf")
     ('svg', 'pdf')

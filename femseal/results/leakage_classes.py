@@ -1,6 +1,6 @@
 """Compare the leakage at each load step with the limits of leakage classes, and store the outcome in a dataset.
 
-If the case has a test fluid, its leakage is compared, otherwise that of the fluid.
+If the case has a test fluid, the leakage of the test fluid is compared, otherwise the leakage of the fluid of the run.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ _ODD_LENGTH_RATIO = 1.5
 
 @dataclass(frozen=True, eq=False)
 class DecidingLeakage:
-    """Class leakage: that of the test fluid if there is one.
+    """Hold the leakage that decides on leakage classes: the leakage of the test fluid if there is one.
 
     Attributes
     ----------
     basis : seal length and reference state of the fluid, which convert the leakage to the units of the limits.
     leakage : leakage per unit seal length, (step,) [m²/s], NaN where unknown.
     of_realisations : leakage of each realisation per unit seal length, (realisation, step) [m²/s].
-    upper : upper end of the 95 % interval of the leakage, (step,) [m²/s], NaN where unknown; None without an error
+    upper : upper end of the 95 % interval of the leakage, (step,) [m²/s], NaN where unknown; None if there is no error
         budget.
     """
 
@@ -49,7 +49,7 @@ def add_classes(
     deciding: DecidingLeakage,
     diameter: float | None,
 ) -> list[str]:
-    """Add variables that say which classes are met at each step, and by which fraction of the realisations.
+    """Add variables that say which classes are met at each step, and which fraction of the realisations meets them.
 
     If the computed leakage is zero but its 95 % interval has no upper end, it is undecided whether a class is met.
 
@@ -57,7 +57,7 @@ def add_classes(
     ----------
     data : dataset that is extended.
     classes : leakage classes to check.
-    deciding : leakage that decides on the classes.
+    deciding : leakage that is compared with the limits of the classes.
     diameter : nominal diameter [m], on which the limits of some classes depend; None if unknown.
 
     Returns
@@ -115,7 +115,7 @@ def _is_met(limits: Array, deciding: DecidingLeakage) -> Array:
 def _fraction_met(limits: Array, deciding: DecidingLeakage) -> Array:
     """Return the fraction of the realisations whose leakage is within each limit, (leak_class, step).
 
-    The fraction is NaN at steps at which it is undecided, or at which the computation failed.
+    The fraction is NaN at steps at which it is undecided whether a realisation leaks, and where the computation failed.
     """
     leakage = deciding.of_realisations  # (realisation, step)
     is_known = np.isfinite(leakage)
@@ -124,7 +124,7 @@ def _fraction_met(limits: Array, deciding: DecidingLeakage) -> Array:
     fraction = np.array(met_counts) / known_count
     is_missing = ~is_known.any(axis=0) | np.isnan(deciding.leakage)
     if deciding.upper is not None:
-        # a realisation that is sealed as computed may leak any amount
+        # where the interval has no upper end, a realisation that is computed as sealed may leak any amount
         is_missing |= (leakage == 0).any(axis=0) & ~np.isfinite(deciding.upper)
     fraction[:, is_missing] = np.nan
     return fraction
@@ -164,7 +164,7 @@ def _warnings(classes: Sequence[LeakClass], length: float, diameter: float | Non
 
 
 def tightest_classes(data: xarray.Dataset) -> list[str]:
-    """Return a text for each step that lists the tightest class of each standard that is met.
+    """Return a text for each step that lists, for each standard, the tightest class that is met.
 
     The text is "none" if no class is met, "failed" if the computation failed, and "open" if the computed leakage is
     zero but its 95 % interval has no upper end. The list is empty if no classes were checked.

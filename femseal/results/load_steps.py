@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class ForceScale(NamedTuple):
-    """Unit of the forces in a case, and the force in this unit that belongs to a nominal pressure of 1 Pa."""
+    """Hold the unit of the forces in a case, and the force in this unit for a nominal pressure of 1 Pa."""
 
     unit: str
     per_pascal: float
@@ -71,7 +71,7 @@ def branches_in(data: xarray.Dataset) -> list[tuple[str, Indices]]:
 
 
 def cycle_text(steps: LoadProgramme) -> str:
-    """Describe a load programme by the numbers of its loading and unloading steps, and its peaks."""
+    """Describe a load programme in words, such as "5 steps: 3 loading, 2 unloading from 300 MPa"."""
     loading = len(steps.loading)
     text = f"{counted(len(steps), 'step')}: {loading} loading"
     if steps.unload_from:
@@ -99,7 +99,7 @@ def branch_text(peak: float | None, text: Callable[[float], str] = _pressure_tex
 
 
 def force_scale(data: xarray.Dataset) -> ForceScale | None:
-    """Return how to convert nominal pressures to forces if the case gives its loads as forces, else None."""
+    """Return the scale that converts nominal pressures to forces, None if the case does not give forces."""
     table = json.loads(data.attrs.get("case", "{}")).get("load", {})
     loads = [*(table.get("loading") or ()), *(table.get("unload_from") or ())]
     # a force is stored as text with its unit, a pressure as a number

@@ -12,7 +12,7 @@ from ..base import Array
 
 
 class RankRange(NamedTuple):
-    """Best and worst rank that a run can have within its 95 % interval; rank 1 has the smallest leakage."""
+    """Hold the best and the worst rank that a run can have within its 95 % interval; rank 1 leaks least."""
 
     best: int
     worst: int
@@ -23,7 +23,7 @@ class RankRange(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Ranking of several runs by their leakage at one load.
+    """Hold the ranking of several runs by their leakage at one load.
 
     Attributes
     ----------
@@ -92,7 +92,7 @@ class Ranking:
 
 
 def _listed(names: list[str], largest_count: int = 5) -> str:
-    """Join names to a text; if there are many, name the first ones and the number of the others."""
+    """Join names to a text. If there are many names, only the first names and the number of the others are given."""
     if len(names) > largest_count:
         first_names = ", ".join(names[:largest_count])
         return f"{first_names} and {len(names) - largest_count} more"

@@ -11,7 +11,7 @@ from ..base.text import display_package
 
 
 class RunPictures:
-    """Draw the pictures of a run. Each method returns a Matplotlib figure, which a notebook displays.
+    """Draw the pictures of a run. Each method returns a Matplotlib figure, which is displayed in a notebook.
 
     Parameters
     ----------
@@ -104,11 +104,11 @@ class RunPictures:
         Parameters
         ----------
         folder : path, optional
-            Folder of the files, which is made if needed; by default that of the results.
+            Folder of the files, which is created if needed; by default the folder of the results.
         formats : sequence of {"png", "svg", "pdf"}
-            Formats. In svg and pdf, letters and lines can be enlarged, and maps have all their pixels.
+            File formats. In svg and pdf, text and lines stay sharp when enlarged, and maps contain all of their pixels.
         names : sequence of str
-            Names of the pictures, such as "leakage" and "cells"; by default all for which the results have data.
+            Names of the pictures, such as "leakage" and "cells"; by default all pictures for which there are data.
         step : int, optional
             Index of the load step of the maps; by default the highest load that leaks.
 
@@ -129,7 +129,7 @@ class RunPictures:
         return f"<pictures of a run: plot(), {', '.join(f'plot.{name}()' for name in names)}>"
 
     def _shown(self, name: str, *arguments: Any) -> Any:
-        """Draw a picture by a function of `femseal.plots`, given by its name, and show it."""
+        """Draw a picture with the function of `femseal.plots` that has this name, and show it."""
         plots = display_package("plots")
         return plots.shown(getattr(plots, name)(*arguments))
 

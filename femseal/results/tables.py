@@ -26,7 +26,7 @@ Column = tuple[str, list[str]]
 
 #: Headings in the terminal that are longer than this are broken between words [characters].
 _HEADING_WIDTH = 10
-#: The ends of an interval have three digits instead of two up to this ratio between them.
+#: If the ratio of the upper to the lower end of an interval is at most this, both ends have three digits, else two.
 _NARROW_RATIO = 1.2
 
 # --- tables for programs ----------------------------------------------------------------------------------------
@@ -43,7 +43,7 @@ def rows(run: Results) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        Dictionary for each load step. Its keys contain the units, such as "leakage_m2_per_s".
+        Dictionary for each load step. The keys contain the units, such as "leakage_m2_per_s".
     """
     data = run.dataset
     variables = {"nominal_pressure_Pa": data["nominal_pressure"], "leakage_m2_per_s": run.leakage}
@@ -85,9 +85,10 @@ def write_workbook(run: Results, path: Path) -> Path:
 def leakage_table(run: Results) -> TextTable:
     """Return a table of the leakage that `rich.print` displays.
 
-    Its columns are the branch, the load, the leakage with its intervals, the leakage of the whole seal, every variable
-    over the load steps that has a heading, the leakage of the test fluid, and the leakage classes. The leakages of the
-    whole seal and of the test fluid have units of their own; all others are in the same unit.
+    The table has these columns: the branch, the load, the leakage with its intervals, the leakage of the whole seal,
+    all variables over the load steps that have a heading, the leakage of the test fluid, and the leakage classes. The
+    headings name the units of the leakage of the whole seal and of the test fluid; the title names the unit of all
+    other leakages.
 
     Parameters
     ----------
@@ -131,7 +132,7 @@ def leakage_table(run: Results) -> TextTable:
 
 
 def _interval_columns(run: Results, factor: float) -> list[Column]:
-    """Return the columns of the 95 % interval and of the scatter between realisations, if the run has them.
+    """Return the columns with the 95 % interval and with the scatter between realisations, if the run has them.
 
     Parameters
     ----------
@@ -155,7 +156,7 @@ def _interval_columns(run: Results, factor: float) -> list[Column]:
 
 
 def totals_table(run: Results) -> TextTable:
-    """Return a table of the leakage with a column for each of several units."""
+    """Return a table of the leakage in several units, with a column for each unit."""
     units = run.leak_basis.units(USUAL_UNITS)
     if run.leak_unit not in units:
         units = [*units, run.leak_unit]
@@ -182,7 +183,7 @@ def _load_columns(data: xarray.Dataset) -> list[Column]:
 def _value_texts(variable: xarray.DataArray, factor: float) -> list[str]:
     """Convert the values of a variable at all load steps to texts.
 
-    A leakage is divided by `factor`, which is the leakage [m²/s] that equals 1 in the unit of the table. Fractions are
+    Leakages are divided by `factor`, the leakage [m²/s] that corresponds to 1 in the unit of the table. Fractions are
     given in per cent.
     """
     unit = variable.attrs["units"]
@@ -194,7 +195,7 @@ def _value_texts(variable: xarray.DataArray, factor: float) -> list[str]:
 
 
 def leakage_texts(run: Results, factor: float) -> list[str]:
-    """Convert the leakage at every load step to text, see `format_leakage`; separated steps are "open".
+    """Convert the leakage at every load step to text, see `format_leakage`, or to "open" if the surfaces separate.
 
     Parameters
     ----------
@@ -217,9 +218,10 @@ def _with_open_steps(run: Results, texts: Iterable[str]) -> list[str]:
 
 
 def class_unit(run: Results) -> LeakUnit:
-    """Return the unit in which to show the class leakage.
+    """Return the unit in which the class leakage is shown.
 
-    For a test fluid, it is the unit that the case asks for if it suits this fluid, otherwise a usual one.
+    If there is a test fluid, it is the unit that the case asks for, or a usual unit if this unit does not suit the test
+    fluid.
     """
     if "test_leakage" not in run.dataset:
         return run.leak_unit
@@ -256,8 +258,8 @@ def format_leakage(value: float, factor: float) -> str:
 def format_interval(low: float, high: float, factor: float, leakage: float) -> str:
     """Format the 95 % interval of a leakage.
 
-    An end that differs from the leakage by more than a factor of `VAGUE` is described in words. Other ends are numbers
-    with two digits, or with three digits if the interval is narrow.
+    If an end differs from the leakage by more than a factor of `VAGUE`, it is described in words. Otherwise it is a
+    number with two digits, or with three digits if the interval is narrow.
 
     Parameters
     ----------
@@ -364,7 +366,7 @@ def attempts_table(attempts: dict[str, Any]) -> TextTable:
 
 
 def as_chosen(case: dict[str, Any], attempts: dict[str, Any] | None) -> dict[str, Any]:
-    """Return a case in which keys without a value have the value that the last attempt chose.
+    """Return a case with the settings of the last attempt to reach its accuracy.
 
     Parameters
     ----------
@@ -382,7 +384,7 @@ def as_chosen(case: dict[str, Any], attempts: dict[str, Any] | None) -> dict[str
 
 
 def half_width_text(attempt: dict[str, Any]) -> str:
-    """Format the half-width of the 95 % interval of ln(leakage) after an attempt; an unknown one is infinite."""
+    """Format the half-width of the 95 % interval of ln(leakage) after an attempt; if it is unknown, it is infinite."""
     width = attempt["half_width"]
     return format_deviation(inf if width is None else width)
 
@@ -409,7 +411,7 @@ def summary_html(run: Results) -> str:
 
 
 def contents(run: Results) -> dict[str, str]:
-    """Return the texts of the main results, by the names of the results."""
+    """Return the main results as texts; the keys are the names of the results."""
     steps = run.steps
     unit, factor = run.leak_scale
     leakage_at_peak = run.leakage.values[run.peak]

@@ -3,9 +3,9 @@
 Each load step has a file, and a file `.pvd` lists these files with their times. The time is the index of the load step,
 because the same load can occur on loading and on unloading. The load itself is stored as field data.
 
-pyvista writes the data sets with compression. Images are stored as raw bytes, which take a quarter less space. Meshes
-are stored in base64, because meshio 5.3 mixes up the arrays of some files with raw bytes. The `.pvd` is written here,
-because pyvista does not write this format.
+pyvista writes the data sets with compression. Images are stored as raw bytes, which take a quarter less space than text
+in base64. Meshes are stored in base64, because meshio 5.3 mixes up the arrays of some files with raw bytes. The `.pvd`
+is written here, because pyvista does not write this format.
 
 The coordinates are x = x1 and y = x2 in metres. The names of arrays contain their units, without brackets. There are no
 text arrays, because meshio cannot read them.
@@ -45,7 +45,7 @@ _COMPRESSION = 1
 def loads_of(data: xarray.Dataset, dim: str = "step") -> Array:
     """Return the nominal pressure and the peak of each load step as columns (step, 2) [Pa].
 
-    If `dim` is "state", they are those of each contact state of the face.
+    If `dim` is "state", the rows belong to the contact states of the face instead of the load steps.
     """
     prefix = "" if dim == "step" else f"{dim}_"
     pressures = data[f"{prefix}nominal_pressure"].values
@@ -83,7 +83,7 @@ def image(spacing: Pair, origin: Pair, pixels: Iterable[tuple[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class Cells:
-    """Triangles or quadrilaterals in a plane, with data at all load steps.
+    """Hold triangles or quadrilaterals in a plane, with data at all load steps.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Cells:
         cell_count, corners_per_cell, _dimensions = self.corners.shape
         cell_type = {3: pyvista.CellType.TRIANGLE, 4: pyvista.CellType.QUAD}[corners_per_cell]
         points = np.pad(self.corners.reshape(-1, 2), ((0, 0), (0, 1)))  # z = 0
-        # every cell first has corners of its own, which are then merged with those of its neighbours
+        # at first, neighbouring cells have separate corners, which are then merged
         corner_numbers = np.arange(len(points)).reshape(cell_count, corners_per_cell)
         mesh = pyvista.UnstructuredGrid({cell_type: corner_numbers}, points)
         tolerance = _MERGE_TOLERANCE * np.ptp(points)
@@ -169,11 +169,11 @@ def stored_images(folder: Path, name: str) -> dict[int, Path]:
 
 
 def read_image(path: Path, names: Iterable[str]) -> tuple[str | None, Any]:
-    """Read an image with only one of its arrays, the first one whose name is among `names`.
+    """Read an image and one of its arrays: the first array whose name is among `names`.
 
     Returns
     -------
-    Name of the array, None if the image has no array with one of these names, and the image.
+    Name of this array, and the image. The name is None if the image has no array with one of these names.
     """
     import pyvista
 
@@ -220,7 +220,7 @@ def as_xml(mesh: Any) -> bytes:
 def write_vtk(
     run: Results, surface: Surface | None, folder: AnyPath, mapper: Mapper = map
 ) -> list[Path]:
-    """Write views of the results that ParaView opens by their `.pvd` files.
+    """Write views of the results as files for ParaView, in which each view is opened by its file `.pvd`.
 
     - `cells`, of a two-scale study: the cells of the face at every load step;
     - `states`, of a stochastic study: the cells in every contact state of the face;
@@ -232,7 +232,7 @@ def write_vtk(
     run : Results
         Results of a run.
     surface : Topography or None
-        Surface whose heights are written; None leaves out the view `surface`.
+        Surface whose heights are written. If it is None, the view `surface` is not written.
     folder : str or path
         Folder of the files, which is created if needed.
     mapper : callable
@@ -275,7 +275,7 @@ def _write_views(folder: Path, views: list[Cells], surface: Surface | None) -> l
 
 
 def _cells_of_face(name: str, data: xarray.Dataset, dims: Dimensions) -> Cells:
-    """Return the cells of the face with all variables that have the dimensions `dims`.
+    """Return the cells of the face, with all variables that have the dimensions `dims`.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 scene             surface + loads + fluid                                  -> Scene, FluidState
 fluid_coupling    contact of the whole surface under the fluid pressure of the flow through its gap
 trapped_liquid    pressures of liquid that is trapped in closed pockets
-choices           options of a scene that are chosen by name
+choices           names of the options of a scene
 """
 
 from typing import TYPE_CHECKING

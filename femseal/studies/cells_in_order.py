@@ -23,11 +23,12 @@ def cells_in_order(scene: Scene, size: Pair, k: Array, boundary: str) -> Leakage
     scene : Scene
         The fluid and its pressures.
     size : (float, float), m
-        Length of all cells together along both axes.
+        Total size of the cells along the first and the second axis.
     k : array (fluid pressures, 2, m1, m2), m³
         Permeabilities of the cells along the first and the second axis.
     boundary : str
-        How the cells continue along the second axis. Unless it is "periodic", nothing flows through their sides.
+        How the cells continue along the second axis. Unless this is "periodic", nothing flows through the two sides of
+        the surface.
     """
     if boundary != "periodic":
         # The mirror image makes the flow periodic. Nothing flows across the lines of symmetry, which are the sides.
@@ -56,7 +57,7 @@ def cells_permeability_along_x2(scene: Scene, cut: Cut, k: Array, boundary: str)
     Returns
     -------
     float, m³
-        Mean permeability of the patches, weighted with their widths; NaN where a flow failed.
+        Mean permeability of the patches, weighted by their widths; NaN if a flow failed.
     """
     # Exchange the axes, because `cells_in_order` solves the flow along the first one: x2 becomes the first axis.
     k_x2_first = k[:, ::-1].swapaxes(-1, -2)
@@ -65,10 +66,10 @@ def cells_permeability_along_x2(scene: Scene, cut: Cut, k: Array, boundary: str)
         width = (cut.columns[columns.stop] - cut.columns[columns.start]) * cut.spacing[1]
         size = width, scene.surface.size[0]
         flow = cells_in_order(scene, size, k_x2_first[:, :, columns], boundary)
-        # The leakage per unit length is k times the drop of the pressure potential, over the width.
+        # leakage per unit length = k · (drop of the pressure potential) / width
         drops_times_k.append(flow.per_length * width)
         widths.append(width)
-    # The unit leakage is this drop over the breadth of the surface, for a permeability of 1 m³ along x1.
+    # unit leakage = 1 m³ · (drop of the pressure potential) / breadth of the surface
     potential_drop = scene.unit_leakage * scene.surface.size[0]
     if potential_drop == 0:
         return np.nan
@@ -91,7 +92,7 @@ def flow_in_order(
     pressures : sequence of float, Pa
         Fluid pressures at which the permeabilities are known.
     piecewise : bool
-        How they are interpolated between these pressures, see `flow.PermeabilityTable`.
+        How the permeabilities are interpolated between these pressures, see `flow.PermeabilityTable`.
     """
     tile_k = k.reshape(len(k), 2, -1)  # (fluid pressure, axis, tile)
     element_k = tiles.permeability(tile_k[:, 0], tile_k[:, 1])

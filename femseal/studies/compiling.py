@@ -43,9 +43,8 @@ def compile_ahead(mapper: Mapper, progress: Progress = no_progress) -> None:
     progress(stage.name, 0, len(_PARTS))
     for count, _ in enumerate(mapper(stage, list(_PARTS)), start=1):
         progress(stage.name, count, len(_PARTS))
-    with suppress(
-        OSError
-    ):  # without a record, the next run repeats the stage and finds the loops compiled
+    # without a record, the next run repeats the stage and finds the loops compiled
+    with suppress(OSError):
         record.touch()
 
 
@@ -72,7 +71,7 @@ def _record() -> Path | None:
 
 
 def _compile(part: str) -> None:
-    """Compile a part of the loops, by solving its problem."""
+    """Compile one part of the loops by solving a tiny problem that calls them, see `_PARTS`."""
     _PARTS[part]()
 
 
@@ -103,20 +102,20 @@ def _compile_multigrid() -> None:
 
 
 def _compile_contact() -> None:
-    """Compile the contact solver; mirror boundaries combine the waves in a loop of their own."""
+    """Compile the contact solver for mirror and for periodic boundaries, which use different loops."""
     for boundary in ("mirror", "mirror"), ("periodic", "periodic"):
         body = contact.HalfSpace((32, 32), (1.0, 1.0), 1.0, boundary)
         contact.solve_contact(_gap(32), body, pressure=0.01, hardness=0.05)
 
 
 def _compile_cells() -> None:
-    """Compile the permeability of a cell with overlaps."""
+    """Compile the loops that compute the permeability of a cell with overlaps into its neighbours."""
     gap = _gap(32)
     cell_permeabilities(gap, (1.0, 1.0), 0, FlowSettings(solver="elimination"), core=(4, 28))
 
 
 def _compile_seals() -> None:
-    """Compile the loops of seals and of the coupling of contact and flow."""
+    """Compile the loops that are used by seals, and by contact that is coupled with the flow."""
     solve_flow(flow.Stencil(np.ones((3, 200)), np.ones((2, 200))))
     harmonic_fill(np.where(_gap(4) > 1, _gap(4), np.nan))
 

@@ -2,21 +2,22 @@
 
 The roughness is treated as a layer between two smooth half-spaces. Under the pressure p, the mean planes of the rough
 surfaces are at the distance s(p) from each other. The contact of the measured surface gives s(p), on loading and on
-unloading from every peak (`rough_layer`). Consider a point of the seal that lies h below the highest one. If it is in
-contact, it satisfies
+unloading from every peak (`rough_layer`). Consider a point of the seal that lies h below the highest point. If this
+point is in contact, it satisfies
 
     h + K (p − p₀) − δ = s(p),
 
 where K p is the displacement of the half-spaces under the pressures p, p₀ the uniform part of the pressure and δ the
-approach of the bodies. If it is not in contact, the left side is larger than s(0). The solution minimises
+approach of the bodies. If the point is not in contact, the left side is larger than s(0). The solution minimises
 ½ (p − p₀)·K (p − p₀) + h·p − Σ∫s dp under the given load (`contact_points`). Where the roughness is nearly flattened,
-the bodies themselves yield at a fixed pressure and sink permanently. A form that does not vary along the seal is solved
-in plane strain.
+the bodies themselves yield at a fixed pressure and are permanently indented. A form that does not vary along the seal
+is solved in plane strain.
 
-The uniform part p₀ is the pressure that every row of the seal carries. It does not deform the bodies, because a seal
-without form has the same pressure everywhere: the edges of a flat punch, with up to three times the mean pressure, are
-not an effect of the form. A form of zero height therefore leaves the pressure uniform, and a contact band that does not
-reach the edges of the seal is the same as on half-spaces.
+The uniform part p₀ is the pressure that every row of the seal carries. In this model, it does not deform the bodies.
+Otherwise, a seal without form would be a flat punch, whose pressure at the edges is up to three times the mean; but
+such a seal is assumed to be pressed evenly. With the uniform part left out of the deformation, the pressure is uniform
+if the form has zero height. If the contact band does not reach the edges of the seal, p₀ is 0, and the solution is that
+of two half-spaces.
 
 Source: Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (a rough layer on smooth bodies).
 """
@@ -50,22 +51,22 @@ _SAME_DEPTH = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class SealContact:
-    """Contact of a seal with a form.
+    """Hold the contact of a seal with a form at every load step.
 
     Parameters
     ----------
     grid : ContactGrid
         Points over the seal.
     depth : array (n1, n2) or (n1, 1), m
-        Depth of each point below the highest one. There is a single column if the form does not vary along the seal.
+        Depth of each point below the highest point. There is a single column if the form does not vary along the seal.
     nominal : array (steps,), Pa
-        Pressure of the whole seal.
+        Nominal pressure of the whole seal.
     pressure : array (steps, n1, n2), Pa
         Pressure of each point.
     separation : array (steps, n1, n2), m
-        Distance of the mean planes of the rough surfaces.
+        Distance between the mean planes of the rough surfaces.
     opening : array (steps, n1, n2), m
-        Excess of this distance over that of first touch.
+        How much larger the separation is than at first touch; 0 for points in contact.
     """
 
     grid: ContactGrid
@@ -82,11 +83,11 @@ class SealContact:
 
     @property
     def pressure_fractions(self) -> Array:
-        """Pressure of each tile as a fraction of that of the whole seal (steps, tiles); 1 at steps without pressure."""
-        tile_pressure = self.grid.means(self.pressure)
+        """Pressure of each tile divided by the pressure of the seal (steps, tiles); 1 at steps without load."""
+        tile_pressure = self.grid.means(self.pressure)  # (step, tile)
         nominal = self.nominal[:, None]
-        # On a strip or ring all tiles have equal areas, so that the mean over the tiles is that of the seal. It is used
-        # in place of the nominal pressure because a point of the grid may cover several tiles.
+        # A point of the grid may cover several tiles, so that the mean over the tiles differs slightly from the nominal
+        # pressure. On a strip or ring, all tiles have equal areas, and this mean is taken as the pressure of the seal.
         seal_pressure = nominal
         if self.grid.has_rows:
             seal_pressure = tile_pressure.mean(axis=1, keepdims=True)
@@ -121,7 +122,7 @@ def solve_seal_contact(
     mapper : callable
         Computes the items of a stage.
     layer : RoughLayer, optional
-        Layer of the surface, if it was solved before.
+        Rough layer of the surface. By default, it is solved here.
 
     Raises
     ------
@@ -153,18 +154,18 @@ def solve_seal_contact(
 
 
 def opening_permeability(separation: Array, opening: Array) -> Array:
-    """Return the permeability [m³] that an opening e beyond first touch adds: (s³ − (s − e)³)/12.
+    """Return how much the permeability increases if the surfaces are moved apart beyond first touch [m³].
 
-    s is the distance of the mean planes. The result is accurate for a small opening, and for one that is large compared
-    with the roughness.
+    With the separation s of the mean planes and the opening e beyond first touch, it increases by (s³ − (s − e)³)/12.
+    This is accurate if the opening is either small, or large compared with the roughness.
     """
     return cubic_law(separation) - cubic_law(separation - opening)
 
 
 def remove_waves_of_forms(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene:
-    """Remove from the surface of a scene the long waves that the forms of the seal contain as well.
+    """Remove the long waves of the measured surface that the forms of the seal already contain.
 
-    These are the waves longer than the shortest wave of the forms, but at least longer than two tiles.
+    A wave is removed if it is longer than both the shortest wave of the forms and two tiles.
     """
     shortest = max(min((form.shortest_wave for form in forms), default=inf), 2 * max(cut.size))
     if shortest >= 2 * max(scene.surface.shortest_patch.size):
@@ -175,7 +176,7 @@ def remove_waves_of_forms(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> 
 def sample_form(
     scene: Scene, tiles: SealTiles, forms: Sequence[SealForm]
 ) -> tuple[ContactGrid, Array]:
-    """Cover a seal with a grid of points, and compute the depth of each point below the highest one.
+    """Cover a seal with a grid of points, and compute the depth of each point below the highest point.
 
     Returns
     -------
