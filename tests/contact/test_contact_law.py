@@ -287,7 +287,11 @@ def test_a_curved_law_is_solved_by_its_tangents(law, boundary):
     assert_allclose((g + u)[p > 0], 0, atol=1e-4 * np.ptp(gap))
 
 
-@pytest.mark.parametrize("law", STUDIED, ids=lambda law: type(law).__name__)
+@pytest.mark.parametrize(
+    "law",
+    [pytest.param(law, marks=() if law is TABLE else pytest.mark.slow) for law in STUDIED],
+    ids=lambda law: type(law).__name__,
+)
 def test_a_law_runs_through_every_study(law):
     scene = scene_of_law(law, 6e8)
     whole = fs.deterministic(scene)

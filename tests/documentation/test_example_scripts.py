@@ -126,6 +126,7 @@ def test_design_answer_knows_what_may_be_lost_in_service(drawn, drawn_seal):
     assert_allclose(lost[400e6], 1 - np.sqrt(150e6 * 50e6) / 400e6, rtol=0.02)
 
 
+@pytest.mark.slow
 def test_a_ring_needs_less_force_with_silver_than_without():
     script = names("coating_thickness")
     face = {"points": [64, 96], "size": ["600 um", "900 um"]}
@@ -134,6 +135,7 @@ def test_a_ring_needs_less_force_with_silver_than_without():
     assert 0 < silver.computed < 0.5 * bare.computed
 
 
+@pytest.mark.slow
 def test_sobol_indices_of_the_viscosity_are_those_of_its_law(capsys):
     """Leakage goes with one over the viscosity: a variance of ln(leakage) of ln(2)² / 12, whatever the rest does."""
     script = runpy.run_path(str(EXAMPLES / "sobol.py"), run_name="__main__")

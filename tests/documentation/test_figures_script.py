@@ -66,6 +66,7 @@ def shown(image):
     return np.ma.filled(image.get_array(), -1.0)
 
 
+@pytest.mark.slow
 def test_two_scales(ran):
     whole, results = ran
     data, study = results.dataset, whole.two_scale
@@ -102,6 +103,7 @@ def seals(case_file):
     return figures.drawn_seals(fs.load_case(case_file), lengths=(1, 3))
 
 
+@pytest.mark.slow
 def test_every_figure_is_written(ran, case_file, seals, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(figures, "drawn_seals", lambda case: seals)
     monkeypatch.setitem(figures.PRINT, "savefig.dpi", 50)

@@ -4,6 +4,7 @@ import importlib.util
 from pathlib import Path
 
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 PATH = Path(__file__).parents[2] / "examples" / "real_sizes.py"
@@ -35,6 +36,7 @@ def test_cells_show_what_the_paper_found(tmp_path):
     assert all(row["leakage_over_first"] < by_load[row["load/H"]] for row in down)
 
 
+@pytest.mark.slow
 def test_small_seals(tmp_path):
     """Leakage per length does not depend on the length; half the load changes it by less than half; it falls with peaks."""
     rows = real_sizes.study((0.1,), ((0.1e-3, 1e-3), (0.1e-3, 4e-3)), realisations=3)

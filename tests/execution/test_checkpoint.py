@@ -187,7 +187,10 @@ fs.run(sys.argv[1], sys.argv[2], workers=1, progress=progress)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal")
-@pytest.mark.parametrize(("method", "workers"), [("deterministic", 1), ("two-scale", 2)])
+@pytest.mark.parametrize(
+    ("method", "workers"),
+    [pytest.param("deterministic", 1, marks=pytest.mark.slow), ("two-scale", 2)],
+)
 def test_states_on_disk_resume_from_the_last_one_with_the_same_bits(
     case, tmp_path, monkeypatch, method, workers
 ):
@@ -237,7 +240,13 @@ def test_a_full_disk_in_an_attempt_or_a_budget_stops_the_run(tmp_path, monkeypat
     np.testing.assert_array_equal(found.leakage.values, fs.run(file, workers=1).leakage.values)
 
 
-@pytest.mark.parametrize("moved", ["files.txt", "table.csv", "leakage.png"])
+@pytest.mark.parametrize(
+    "moved",
+    [
+        "files.txt",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("table.csv", "leakage.png")),
+    ],
+)
 def test_a_kill_while_other_files_are_rewritten_leaves_the_results(tmp_path, monkeypatch, moved):
     """There is no checkpoint of complete results, so that they would be lost."""
     file, out = case_with("budget", tmp_path / "small.toml"), tmp_path / "out"

@@ -180,7 +180,7 @@ def test_a_slow_item_does_not_hold_up_others(cluster):
         assert all(mapping(Stage("trial", waits_for_others), range(100)))
 
 
-@pytest.mark.parametrize("default", [False, True])
+@pytest.mark.parametrize("default", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(
     case, tmp_path, monkeypatch, default
 ):
@@ -396,7 +396,7 @@ def stay(n):
     return n
 
 
-@pytest.mark.parametrize("end", ["done", "error"])
+@pytest.mark.parametrize("end", [pytest.param("done", marks=pytest.mark.slow), "error"])
 def test_processes_that_hang_do_not_keep_the_run_alive(end):
     """joblib would wait for them until the threads are through."""
     folder = Path(__file__).parent

@@ -35,7 +35,9 @@ def load(folder, changed=CASE):
 
 
 def test_a_run_has_the_leakage_of_blocks_its_band_and_its_cells(tmp_path):
-    case = load(tmp_path)
+    one_load = CASE.replace('["100 MPa", "300 MPa"]', '["300 MPa"]')
+    one_load = one_load.replace('unload_from = ["300 MPa"]\nunloading = ["100 MPa"]\n', "")
+    case = load(tmp_path, one_load)
     results = fs.run(case, tmp_path / "out", workers=1)
     assert results.failures == []
     assert results.method == "blocks"

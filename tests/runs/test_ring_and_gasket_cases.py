@@ -37,7 +37,9 @@ def reduced(name, **more):
     return data
 
 
-@pytest.fixture(scope="module", params=sorted(REDUCED))
+@pytest.fixture(
+    scope="module", params=["annular_seal", pytest.param("gasket_seal", marks=pytest.mark.slow)]
+)
 def done(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     case = parse_case(reduced(request.param), EXAMPLES)
@@ -63,7 +65,7 @@ def test_leakage_is_that_of_the_shape(done):
         assert_allclose(leakage, np.exp(np.log(k).mean()) * rate, rtol=within)
 
 
-@pytest.mark.parametrize("done", ["gasket_seal"], indirect=True)
+@pytest.mark.parametrize("done", ["annular_seal"], indirect=True)
 def test_results_do_not_depend_on_workers_and_a_finished_run_is_found(done, monkeypatch, tmp_path):
     case, results, folder = done
     with over_processes(2) as mapper:

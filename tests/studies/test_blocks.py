@@ -42,6 +42,7 @@ def test_blocks_leak_as_the_whole_face(height):
     assert_allclose(np.log(found.leakage / whole), 0, atol=np.log(1.8))
 
 
+@pytest.mark.slow
 def test_cells_press_where_the_whole_face_does():
     one = scene(wavy(2e-6))
     whole = fs.two_scale(one, (8, 8)).cells.pressure
@@ -93,6 +94,7 @@ def test_what_blocks_cannot_do_is_refused(changed, blocks, text):
         fs.by_blocks(replace(scene(), **changed), blocks)
 
 
+@pytest.mark.slow
 def test_a_fluid_that_acts_lets_more_through_as_it_does_in_the_whole_face():
     one = scene(inlet_pressure=4e7, unload_from=(), unloading=())
     acting = replace(one, fluid_pressure="acts")

@@ -423,7 +423,10 @@ print(used[1] - used[0])
 """
 
 
-@pytest.mark.parametrize("kind", ["grid", "profile", "scattered"])
+@pytest.mark.parametrize(
+    "kind",
+    ["grid", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("profile", "scattered"))],
+)
 def test_a_large_table_takes_ten_times_its_size(tmp_path, kind):
     """A text of 6 MB, in a process of its own."""
     rng = np.random.default_rng(0)
