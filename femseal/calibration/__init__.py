@@ -1,4 +1,4 @@
-"""Calibrate hardness, shortest wave and a factor between test and model with a measured leakage curve."""
+"""Calibrate the hardness, the shortest wave and the leakage of a case with a leak test."""
 
 from ..base.lazy_package import lazy
 

@@ -1,6 +1,6 @@
-"""Calibrate a case with a leak test: solve a few scenes, interpolate their leakage, and compute the posterior.
+"""Calibrate a case with a leak test: run a few simulations, interpolate their leakage, and compute the posterior.
 
-A scene is the case with one pair of values of hardness and shortest wave.
+A simulation solves the case with one hardness and one shortest wave. Names in the code call it a scene.
 """
 
 from __future__ import annotations
@@ -50,19 +50,19 @@ from .surrogate import Surrogate
 
 #: Ends of a range, in SI or as texts with units.
 Range = tuple[float | str, float | str]
-#: Number of scenes with which the ranges are filled first; a power of 2, as the Sobol sequence needs.
+#: Number of the first simulations, which cover the ranges evenly; a power of 2, as the Sobol sequence requires.
 FIRST = 16
-#: Number of scenes that are then added at a time where the posterior density is large.
+#: Number of simulations in each later round. They are placed where the posterior density is large.
 ADDED = 6
-#: Smallest total number of scenes.
+#: Smallest total number of simulations.
 FEWEST = 10
 #: Factors by which the default ranges extend above and below the values of the case.
 WIDTHS = {"hardness": 3.0, "shortest_wave": 3.0, "factor": 5.0}
-#: No more scenes are solved if the error of the surrogate is below this fraction of the error of the test.
+#: No more simulations are added if the error of the surrogate is below this fraction of the error of the test.
 _SMALL_ERROR = 0.2
 #: Name of the calibrated case in the folder.
 CASE_FILE = "calibrated.toml"
-#: Number of samples of the posterior from which further scenes are chosen.
+#: Number of samples of the posterior from which further simulations are chosen.
 _SAMPLES_BETWEEN = 2**9
 #: Number of samples of the final posterior.
 _SAMPLES_AT_END = 2**12
@@ -87,10 +87,10 @@ def calibrate(
 ) -> Calibration:
     """Estimate hardness, shortest wave and a factor between test and model from a measured leakage curve.
 
-    The shortest wave is the cut-off of the low-pass filter, which removes all shorter waves. The case is solved at the
-    loads of the test for up to `scenes` pairs of hardness and shortest wave. The first pairs are a Sobol sequence over
-    the ranges. Further pairs are added where the posterior density is large. See `calibration.surrogate` for the
-    interpolation between the pairs, and `calibration.posterior` for the posterior.
+    The shortest wave is the cut-off of the low-pass filter, which removes all shorter waves. A simulation solves the
+    case at the loads of the test, with one hardness and one shortest wave. The first simulations cover the ranges of
+    both quantities evenly (Sobol sequence). Further simulations are added where the posterior density is large. See
+    `calibration.surrogate` for the interpolation between simulations, and `calibration.posterior` for the posterior.
 
     Parameters
     ----------
@@ -103,15 +103,16 @@ def calibrate(
         written.
     hardness, shortest_wave, factor : pair of float or str, optional
         Lower and upper end of the range of each quantity, in SI or as texts with units. The prior is uniform in the
-        logarithm within this range. The default range of hardness and shortest wave extends above and below the value
-        of the case by the factor in `WIDTHS`, but no wave is shorter than 8 pixels. The default range of the factor
-        extends above and below 1.
+        logarithm of the quantity, within this range. The default ranges extend from the value of the case divided by
+        a number to the value multiplied by this number, see `WIDTHS`; the value of the factor is 1. No shortest wave is
+        below 8 pixels.
     error : float or str
         Relative standard deviation of a measured leakage.
     scenes : int
-        Largest number of scenes that are solved.
+        Largest number of simulations.
     resume : bool
-        Whether to use the scenes in the folder that an earlier calibration with the same case, test and ranges solved.
+        Whether to use simulations in the folder that an earlier calibration with the same case, test and ranges has
+        completed.
     replace_results : bool
         Whether to replace a finished calibration in the folder.
     workers, scheduler, progress
@@ -126,7 +127,7 @@ def calibrate(
     InputError
         The case, the test, a range or the folder cannot be used. Nothing has been computed.
     FemsealError
-        Too few scenes could be solved.
+        Too few simulations succeeded.
 
     Examples
     --------
@@ -138,13 +139,13 @@ def calibrate(
     if is_finished and not resume and not replace_results:
         given = f"'{folder}', which holds a finished calibration"
         expected = (
-            "another folder, --resume to go on with its scenes, or --replace (Python: replace_results=True) to begin "
-            "anew and replace it"
+            "another folder, --resume to go on with its simulations, or --replace (Python: replace_results=True) to "
+            "begin anew and replace it"
         )
         raise InputError("output", given, expected)
     loaded = case if isinstance(case, Case) else load_case(case)
     if loaded.accuracy is not None:
-        expected = "none, because all scenes of a calibration are solved alike"
+        expected = "none, because all simulations of a calibration use the same grid"
         raise InputError("accuracy", loaded.accuracy, expected)
     relative_error = validate.tolerance("error", to_si(error, "", "error"))
     validate.count("scenes", scenes, FEWEST)
@@ -154,7 +155,7 @@ def calibrate(
     prepared = prepare(tested_case)
     ranges = _ranges(tested_case, prepared, given_ranges)
     _check_corners(tested_case, ranges)
-    # load steps that are solved, and for each row of the test the index of its load in them
+    # `steps` are the load steps that are solved; `rows` is, for each row of the test, the index of its load in `steps`
     steps, rows = np.unique(test.rows_of(loaded), return_inverse=True)
     identity = {
         "case": tested_case.echo(),
@@ -164,7 +165,7 @@ def calibrate(
         "content of face files": job.face_files(tested_case),
         "version": numerical_versions(),
     } | job.user_code(tested_case)
-    # a case has no digest, so the results are stored under everything on which its leakage depends
+    # There is no digest of a case. The simulations are therefore stored under all data on which their leakage depends.
     key = ("scenes", json.dumps(identity, default=str))
     solve_scene = partial(_solve_scene, tested_case, test.unit, steps)
     memory = forecast(tested_case, prepared).memory
@@ -203,7 +204,7 @@ def calibrate(
 
 
 def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> Array:
-    """Choose or check the ranges of hardness, shortest wave and factor, an array (3, 2) in SI.
+    """Return the ranges of hardness, shortest wave and factor in SI, (3, 2): those that the user gave, or the defaults.
 
     Raises
     ------
@@ -219,20 +220,22 @@ def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> A
         raise InputError(case.softer, "no single hardness", "a yield_stress or a hardness")
     surface = prepared.scene.surface
     cells = prepared.cells or (1, 1)
-    half_cell = min(n / (2 * count) for n, count in zip(surface.size, cells, strict=True))
+    half_cell = min(side / (2 * count) for side, count in zip(surface.size, cells, strict=True))
     middles = {
         "hardness": hardness,
         "shortest_wave": prepared.conditioning.shortest_wave,
         "factor": 1.0,
     }
     smallest = {
-        "hardness": 1.01 * prepared.scene.steps.pressures.max(),
+        "hardness": 1.01
+        * prepared.scene.steps.pressures.max(),  # no pressure may reach the hardness
         "shortest_wave": resolved_wave(surface.size, surface.shape),
         "factor": 0.0,
     }
     largest = {
         "hardness": np.inf,
-        "shortest_wave": 0.999 * half_cell,  # a cell must contain two waves
+        "shortest_wave": 0.999
+        * half_cell,  # a cell must contain two waves, despite rounding errors
         "factor": np.inf,
     }
     ranges = []
@@ -252,7 +255,7 @@ def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> A
 
 
 def _given_ends(name: str, ends: Range) -> tuple[float, float]:
-    """Convert the ends of a range that the user gave to SI."""
+    """Convert both ends of a range, which the user has given, to SI."""
     if isinstance(ends, str) or len(ends) != 2:
         raise InputError(name, shown(ends), "the lower and the upper end of a range")
     low, high = (
@@ -262,7 +265,7 @@ def _given_ends(name: str, ends: Range) -> tuple[float, float]:
 
 
 def _check_corners(case: Case, ranges: Array) -> None:
-    """Check that the case can be run at all four combinations of the ends of the ranges of hardness and wave."""
+    """Check that the case can be run with the lowest and the highest hardness and shortest wave (four combinations)."""
     hardnesses, waves = ranges[:2].tolist()
     for hardness, wave in product(hardnesses, waves):
         corner = with_values(case, hardness, wave)
@@ -274,7 +277,7 @@ def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
     solid_name = case.softer
     changed = {"hardness": hardness, "yield_stress": None}
     solid = getattr(case, solid_name).model_copy(update=changed)
-    # if `detrend` is set explicitly, a run does not compute the effect of the form again for every scene
+    # if `detrend` is set explicitly, a run does not compute the effect of the form again for every simulation
     treatment = {"shortest_wave": shortest_wave, "detrend": case.surface.detrend}
     surface = case.surface.model_copy(update=treatment)
     return case.model_copy(update={solid_name: solid, "surface": surface})
@@ -283,13 +286,14 @@ def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
 def _solve_scene(
     case: Case, unit: LeakUnit, steps: Indices, hardness: float, shortest_wave: float
 ) -> list[float]:
-    """Compute the leakage that is compared with leakage classes at some load steps; NaN if the solution failed.
+    """Run one simulation, and return the leakage at some load steps; NaN if the solution failed.
 
-    unit : unit of the returned leakages. steps : indices of the load steps.
+    It is the leakage of the test fluid if the case has one. unit : unit of the returned leakages. steps : indices of
+    the load steps.
     """
     log = logging.getLogger("femseal")
     level = log.level
-    log.setLevel(logging.ERROR)  # the warnings of the case are the same for every scene
+    log.setLevel(logging.ERROR)  # the warnings of the case are the same for every simulation
     try:
         results = job.run(with_values(case, hardness, shortest_wave), workers=1)
     except InputError:
@@ -304,10 +308,10 @@ def _solve_scene(
 
 @dataclass(frozen=True)
 class _Exploration:
-    """The posterior, and the scenes from which it was computed.
+    """The posterior, and the simulations from which it was computed.
 
-    posterior : posterior density. scenes : hardness [Pa] and shortest wave [m] of each scene (scenes, 2). leakages :
-    leakages of each scene in the unit of the test (scenes, loads), NaN where the solution failed.
+    posterior : posterior density. scenes : hardness [Pa] and shortest wave [m] of each simulation (simulations, 2).
+    leakages : leakages of each simulation in the unit of the test (simulations, loads), NaN where the solution failed.
     """
 
     posterior: Posterior
@@ -323,32 +327,34 @@ def _explore(
     error: float,
     most_scenes: int,
 ) -> _Exploration:
-    """Solve scenes that fill the ranges, and then further scenes where the posterior density is large.
+    """Run simulations that cover the ranges evenly, and then further ones where the posterior density is large.
 
-    The loop ends if the surrogate is accurate enough there, or if the largest number of scenes is reached.
+    The loop ends as soon as the surrogate is accurate enough where the posterior density is large, or when the largest
+    number of simulations is reached.
 
     Parameters
     ----------
     solve_scenes : callable
-        Takes lists of hardnesses [Pa] and shortest waves [m], and yields the leakages (loads,) of each scene.
+        Runs simulations. It takes a list of hardnesses [Pa] and a list of shortest waves [m], and yields the leakages
+        (loads,) of each simulation.
     test : LeakTest
         The leak test.
     rows : array of int (rows,)
-        Index of the load of each row of the test.
+        For each row of the test, the index of its load among the simulated loads.
     ranges : array (3, 2)
-        Ranges of the priors in SI.
+        Lower and upper end of the range of each quantity in SI.
     error : float
         Relative standard deviation of a measured leakage.
     most_scenes : int
-        Largest number of scenes.
+        Largest number of simulations.
     """
-    low, high = np.log(ranges[:2]).T
+    low, high = np.log(ranges[:2]).T  # of hardness and shortest wave
 
     def to_si_units(points: Array) -> Array:
         return np.exp(low + points * (high - low))
 
-    points = np.empty((0, 2))  # (scene, quantity), in the unit square
-    leakages = np.empty((0, int(max(rows)) + 1))  # (scene, load)
+    points = np.empty((0, 2))  # (simulation, quantity), in the unit square
+    leakages = np.empty((0, int(max(rows)) + 1))  # (simulation, load)
     sobol = qmc.Sobol(2, rng=np.random.default_rng(1))
     new_points = sobol.random_base2(int(np.log2(FIRST)))[:most_scenes]
     while True:
@@ -365,14 +371,14 @@ def _explore(
         n_left = most_scenes - len(points)
         if n_left <= 0 or surrogate_error < _SMALL_ERROR * error:
             return _Exploration(posterior, to_si_units(points), leakages)
-        # Samples are in random order, so that consecutive ones spread over the posterior. Starting from the number of
-        # scenes so far takes other samples in each round.
+        # Samples are in random order, so that any consecutive ones are spread over the whole posterior. They begin at
+        # the number of previous simulations, which is different in each round.
         chosen = len(points) + np.arange(min(ADDED, n_left))
         new_points = samples[chosen % len(samples), :2]
 
 
 def _check_enough_solved(is_solved: Flags, n_new: int) -> None:
-    """Raise FemsealError if too few scenes could be solved."""
+    """Raise FemsealError if too few simulations succeeded."""
     n_solved = int(is_solved.sum())
     if n_solved < min(FEWEST, n_new):
-        raise FemsealError(f"calibrate: only {n_solved} of {n_new} scenes could be solved")
+        raise FemsealError(f"calibrate: only {n_solved} of {n_new} simulations succeeded")

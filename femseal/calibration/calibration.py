@@ -68,7 +68,7 @@ class Calibration(Plotted):
     Parameters
     ----------
     hardness, shortest_wave, factor : Estimate
-        Posterior of the hardness [Pa], of the shortest wave [m], and of the factor between test and model.
+        Estimated hardness [Pa], shortest wave [m], and ratio of the measured leakage to the leakage of the model.
     prior : dict of Estimate
         Median and range of the prior of each quantity, by its name.
     correlation : array (3, 3)
@@ -80,13 +80,14 @@ class Calibration(Plotted):
     load_unit : str
         SI unit of the loads.
     curve : array (3, rows)
-        Lower end, median and upper end of the calibrated leakage in each row of the test, in its unit; 0 where sealed.
+        Calibrated leakage at the load of each row of the test, in the unit of the test: lower end of its interval,
+        median, and upper end. It is 0 where the seal is sealed.
     scenes : array (n, 2)
-        Hardness [Pa] and shortest wave [m] of the solved scenes.
+        Hardness [Pa] and shortest wave [m] of the simulations.
     leakages : array (n, loads)
-        Leakages of the solved scenes in the unit of the test.
+        Leakages of the simulations in the unit of the test.
     solid : str
-        Name of the table of the case whose hardness was calibrated.
+        Table of the case with the calibrated hardness, "material" or "counter_material".
     notes : tuple of str
         What to keep in mind about the result.
     """
@@ -118,13 +119,14 @@ class Calibration(Plotted):
         cube : array (n, 3)
             Samples of the posterior in the unit cube.
         scenes, leakages : array
-            Solved scenes and their leakages, as in the attributes.
+            Hardness and shortest wave of the simulations, and their leakages, see `Calibration`.
         case : Case
-            The case at the loads of the test.
+            The case, with the loads of the test.
         """
         samples = posterior.quantities(cube)
         estimates = {name: Estimate.from_samples(samples[:, n]) for n, name in enumerate(UNITS)}
-        # median, lower and upper end of the uniform priors in the unit cube (3, quantity)
+        # In the unit cube, the priors are uniform from 0 to 1 with the median 0.5. The rows of (3, quantity) are the
+        # median, the lower end and the upper end, in the order of the fields of `Estimate`.
         median_low_high = posterior.quantities(np.repeat([[0.5], [0.0], [1.0]], 3, axis=1))
         prior = {name: Estimate(*map(float, median_low_high[:, n])) for n, name in enumerate(UNITS)}
         curve = _calibrated_curve(posterior, cube)
@@ -170,7 +172,7 @@ class Calibration(Plotted):
         return rows_of(columns)
 
     def tables(self) -> list[TextTable]:
-        """Make the tables of the calibrated quantities and of the leakages, for `rich.print`."""
+        """Make two tables for `rich.print`: the calibrated quantities, and the measured and calibrated leakages."""
         return [self._table_of_quantities(), self._table_of_leakages()]
 
     def _table_of_quantities(self) -> TextTable:
@@ -186,7 +188,7 @@ class Calibration(Plotted):
             head = f"correlation with {_plain_name(name)}"
             columns.append((head, [f"{coefficient:+.2f}" for coefficient in coefficients]))
         n_measured = counted(len(self.test.steps), "measured leakage")
-        title = f"Calibration by {n_measured} and {counted(len(self.scenes), 'solved scene')}"
+        title = f"Calibration by {n_measured} and {counted(len(self.scenes), 'simulation')}"
         notes = tuple(f"note: {note}" for note in self.notes)
         return TextTable.of_columns(title, columns, notes=notes, wrap=16)
 
@@ -220,7 +222,7 @@ class Calibration(Plotted):
             f"{_plain_name(name)} {_value_text(name, estimate.median)}"
             for name, estimate in self.posterior.items()
         ]
-        return f"<femseal.Calibration: {', '.join(texts)}, by {counted(len(self.scenes), 'scene')}>"
+        return f"<femseal.Calibration: {', '.join(texts)}, by {counted(len(self.scenes), 'simulation')}>"
 
     def _repr_html_(self) -> str:
         return "".join(table._repr_html_() for table in self.tables())
@@ -277,7 +279,7 @@ class Calibration(Plotted):
 
 
 def _calibrated_curve(posterior: Posterior, cube: Array) -> Array:
-    """Compute lower end, median and upper end of the calibrated leakage in each row of the test (3, rows).
+    """Compute the calibrated leakage for each row of the test: lower end, median and upper end, (3, rows).
 
     The leakage is 0 where the case is sealed. To include the error of the surrogate, one leakage is drawn at random
     from the prediction for each sample of the posterior.
@@ -292,10 +294,14 @@ def _calibrated_curve(posterior: Posterior, cube: Array) -> Array:
 
 
 def _notes_on_ranges(cube: Array) -> list[str]:
-    """Note which ranges may be too narrow, because many samples (n, 3) in the unit cube lie at one of their ends."""
+    """Make a note for each range that may be too narrow. There, many samples lie at one end of the range.
+
+    cube : samples in the unit cube (n, 3).
+    """
     notes = []
     for n, name in enumerate(UNITS):
-        for end, is_there in (("lower", cube[:, n] < _END), ("upper", cube[:, n] > 1 - _END)):
+        is_at_end = {"lower": cube[:, n] < _END, "upper": cube[:, n] > 1 - _END}
+        for end, is_there in is_at_end.items():
             if is_there.mean() > _MANY_SAMPLES:
                 notes.append(
                     f"the {_plain_name(name)} may lie beyond the {end} end of its range, where many samples are: "
@@ -305,7 +311,10 @@ def _notes_on_ranges(cube: Array) -> list[str]:
 
 
 def _notes_on_fit(posterior: Posterior, cube: Array, median: Array) -> list[str]:
-    """Note where the median of the calibrated leakage (rows,) does not fit the test, or is too uncertain."""
+    """Make notes if the calibrated leakage does not fit the test, or is too uncertain.
+
+    cube : samples of the posterior in the unit cube (n, 3). median : median of the calibrated leakage (rows,).
+    """
     notes = []
     test = posterior.test
     both_leak = ~test.sealed & (median > 0)
@@ -324,7 +333,7 @@ def _notes_on_fit(posterior: Posterior, cube: Array, median: Array) -> list[str]
     largest_error = surrogate_error.max(initial=0.0)
     if largest_error > posterior.error:
         notes.append(
-            f"the interpolation between solved scenes has an error of {100 * largest_error:.2g} % at some load, more "
+            f"the interpolation between simulations has an error of {100 * largest_error:.2g} % at some load, more "
             "than the test: increase --scenes"
         )
     return notes
@@ -355,7 +364,10 @@ def _interval_name() -> str:
 
 @shows(Calibration)
 def calibration_figure(calibration: Calibration) -> Figure:
-    """Draw samples of shortest wave and factor over the hardness, and measured and calibrated leakage over the load."""
+    """Draw samples of the posterior, and measured and calibrated leakage against load.
+
+    The first two panels show the shortest wave and the factor of the samples against their hardness.
+    """
     test = calibration.test
     pressure, peaks = pressures_and_peaks(test.steps)
     unit, unit_in_si = _AXIS_UNITS[calibration.load_unit]
@@ -363,18 +375,17 @@ def calibration_figure(calibration: Calibration) -> Figure:
     order = np.argsort(np.where(np.isnan(peaks), pressure, -pressure))
     low, median, high = calibration.curve[:, order]
     curves = LeakageCurves(
-        pressure[order],
-        peaks[order],
-        median,
-        "",
+        pressure=pressure[order],
+        peaks=peaks[order],
+        leakage=median,
+        title="",
         band=(low, high),
         band_name=_interval_name(),
         scale=(1.0, f"leakage [{test.unit.name}]"),
         force=None if calibration.load_unit == "Pa" else (unit, 1 / unit_in_si),
     )
-    legend_height = LEGEND_LINE * (
-        len(curves.branches) + 3
-    )  # also the region, and two kinds of measured points
+    # besides the branches, the legend lists the interval and two kinds of measured points
+    legend_height = LEGEND_LINE * (len(curves.branches) + 3)
     load_margins = replace(LOADS, bottom=LOADS.bottom + legend_height)
     sheet = Sheet(
         [_AXES_HEIGHT + margins.bottom + margins.top for margins in (LINES, LINES, load_margins)]
@@ -396,9 +407,9 @@ def calibration_figure(calibration: Calibration) -> Figure:
 
 
 def _draw_samples(axes: Axes, calibration: Calibration, name: str) -> None:
-    """Draw samples and median of a quantity over the hardness.
+    """Draw the samples of the posterior, and their median, in the plane of hardness and another quantity.
 
-    The solved scenes are drawn, too, if the quantity is the shortest wave; they have no factor.
+    If the other quantity is the shortest wave, the simulations are drawn as well.
     """
     names = list(UNITS)
     columns = [names.index("hardness"), names.index(name)]
@@ -409,7 +420,7 @@ def _draw_samples(axes: Axes, calibration: Calibration, name: str) -> None:
     axes.plot(*samples.T, ".", color=STYLES[0]["color"], ms=1.5, alpha=0.3, zorder=1)
     if name == "shortest_wave":
         scenes = calibration.scenes / units_in_si
-        axes.plot(*scenes.T, "+", color=GREY, ms=4, label="solved scenes")
+        axes.plot(*scenes.T, "+", color=GREY, ms=4, label="simulations")
         axes.legend(loc="upper right")
     axes.plot(*np.median(samples, axis=0), "o", color="black", ms=4)
     axes.set_xlabel(f"hardness [{hardness_unit}]")

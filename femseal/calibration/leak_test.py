@@ -28,7 +28,7 @@ _FEWEST_LOADS = 3
 _LOAD_TOLERANCE = 1e-9
 _NAME_AND_UNIT = re.compile(r"\s*([^\[(]+?)\s*(?:[\[(]\s*(.*\S)\s*[\])])?\s*")
 _DECIMAL_COMMA = re.compile(r"\d+,\d+")
-#: Column of each name that a head may have.
+#: Key of a column in `_Column` dictionaries, by the name in the heading of the column.
 _COLUMN_OF_NAME = {
     "pressure": "load",
     "load": "load",
@@ -43,14 +43,16 @@ _COLUMN_OF_NAME = {
 class LeakTest:
     """Measured leakages of one seal.
 
+    A row of the test is one measurement. It is sealed if no leakage was detected.
+
     Parameters
     ----------
     steps : tuple of LoadStep
         Load of each row, in the unit of the loads of the case.
     leakage : array (rows,)
-        Leakage in `unit`; in a sealed row, the limit below which the leakage lies.
+        Leakage in `unit`; for a sealed row, the limit of detection.
     sealed : array of bool (rows,)
-        Which rows are sealed or below the limit of detection.
+        Whether each row is sealed.
     unit : LeakUnit
         Unit of the leakage.
     """
@@ -61,7 +63,7 @@ class LeakTest:
     unit: LeakUnit
 
     def of_case(self, case: Case) -> Case:
-        """Return a copy of a case with the loads of the test, without output that the calibration does not need."""
+        """Return a copy of a case with the loads of the test, and without the output files, which are not needed."""
         loading = {step.pressure for step in self.steps if step.unloaded_from is None}
         unloading = {step.pressure for step in self.steps if step.unloaded_from is not None}
         peaks = {step.unloaded_from for step in self.steps if step.unloaded_from is not None}
@@ -92,32 +94,32 @@ class LeakTest:
         )
 
     def rows_of(self, case: Case) -> list[int]:
-        """Return the index of the load step of each row in the run of the case that `of_case` returns."""
+        """Return the index of the load step of each row, among the load steps of the case that `of_case` returns."""
         load = self.of_case(case).load
         programme = LoadProgramme.of(load.loading, load.unload_from, load.unloading)
         return [programme.index(step) for step in self.steps]
 
 
 class _Column(NamedTuple):
-    """Position of a column in the rows, and the factor that converts its unit to the unit of the case."""
+    """Position of a column among all columns, and the factor that converts its values to the unit of the case."""
 
     position: int
     factor: float
 
 
 class _Leakage(NamedTuple):
-    """Leakage of a row; in a sealed row, the limit below which the leakage lies, or NaN if no limit is given."""
+    """Leakage of a row. For a sealed row, it is the limit of detection, or NaN if the file does not give one."""
 
     value: float
     is_sealed: bool
 
 
 def read_leak_test(path: Path, case: Case) -> LeakTest:
-    """Read a leak test of a case from a text file with columns.
+    """Read the leak test of a seal from a text file with columns.
 
     The first line that is not a comment (#) contains the names and units of the columns, see `COLUMNS`. A leakage is a
-    number, "sealed", or a limit of detection such as "< 0.1". For a sealed row without a limit, the limit is the
-    smallest measured leakage.
+    number, "sealed", or a limit of detection such as "< 0.1". If a row only says "sealed", its limit of detection is
+    the smallest measured leakage.
 
     Parameters
     ----------
@@ -134,9 +136,9 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
     ------
     InputError
         The file cannot be read, a column or a unit is unknown or missing, or some rows cannot be used. The message
-        describes each fault in a line, and says in which line of the file it is.
+        has a line for each fault, with the number of the line in the file.
     """
-    # number, text and cells of each line
+    # number, text and cells of each line; the first one contains the headings
     (_, _, heads), *lines = text_rows(path, "data")
     if not lines:
         given = f"'{path}' without rows"
@@ -149,7 +151,7 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
         try:
             if len(cells) != len(heads):
                 given = counted(len(cells), "cell")
-                raise InputError("row", given, f"{len(heads)}, as many as column names")
+                raise InputError("row", given, f"{len(heads)}, one for each column name")
             steps.append(_read_step(cells, columns, case))
             leakages.append(_read_leakage(cells[columns["leakage"].position].strip()))
         except InputError as error:
@@ -162,13 +164,13 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
     leaking_steps = {step for step, sealed in zip(steps, is_sealed, strict=True) if not sealed}
     if len(leaking_steps) < _FEWEST_LOADS:
         given = f"{counted(len(leaking_steps), 'load')} with a leakage"
-        raise InputError("data", given, "leakages at three loads or more, besides sealed rows")
+        raise InputError("data", given, "rows with a leakage at three loads or more")
     values[np.isnan(values)] = values[~is_sealed].min()
     return LeakTest(tuple(steps), values, is_sealed, unit)
 
 
 def _read_heads(heads: list[str], case: Case) -> tuple[dict[str, _Column], LeakUnit]:
-    """Read the head of the columns: the position and the unit of each column by its name, and the leakage unit."""
+    """Read the headings of the columns. Return position and factor of each column, by its key, and the leakage unit."""
     columns: dict[str, _Column] = {}
     unit_of_leakage: LeakUnit | None = None
     for position, head in enumerate(heads):
@@ -193,7 +195,10 @@ def _read_heads(heads: list[str], case: Case) -> tuple[dict[str, _Column], LeakU
 
 
 def _leakage_unit(name: str, head: str, case: Case) -> LeakUnit:
-    """Return the leakage unit with a name; raise InputError if it cannot be used for the fluid of the test."""
+    """Return the leakage unit of this name. Raise InputError if it cannot be used for the fluid of the test.
+
+    head : heading of the column, for the message.
+    """
     unit = leak_unit(name)
     fluid = (case.output.test_fluid or case.fluid).fluid
     reason = leak_basis(fluid, 1.0).lacks(unit)
@@ -216,7 +221,7 @@ def _read_number(text: str, what: str, expected: str) -> float:
 
 
 def _read_step(cells: list[str], columns: dict[str, _Column], case: Case) -> LoadStep:
-    """Read the load step of a row, in the unit of the loads of the case."""
+    """Read the load step of a row from its cells. The loads are in the unit of the loads of the case."""
     unit = case.load.unit
 
     def read_load(column: str, what: str) -> float:
@@ -259,7 +264,7 @@ def _check_range(load: float, what: str, case: Case) -> None:
 
 
 def _read_leakage(text: str) -> _Leakage:
-    """Read the cell of a leakage: a number, "sealed", or a limit of detection."""
+    """Read the text of a leakage: a number, "sealed", or a limit of detection. A leakage of 0 is read as sealed."""
     expected = f"a leakage >= 0, '{SEALED}', or a limit such as '{BELOW} 0.1'"
     if text.lower() == SEALED:
         return _Leakage(np.nan, True)

@@ -1,9 +1,10 @@
 """Compute the posterior of hardness, shortest wave and factor from a leak test, by Bayes' rule.
 
 The measured leakage is the factor times the leakage of the model. ln(measured) is normally distributed around
-ln(factor) + ln(model). Its variance is that of the test, which is independent for each row, plus that of the surrogate,
-which is correlated between loads. In a sealed row, the model is sealed too, or leaks less than the limit of this row.
-The priors are uniform in the logarithm within their ranges.
+ln(factor) + ln(model). Its variance has two parts: the variance of the test, whose errors are independent of each
+other, and the variance of the surrogate, whose errors are correlated between loads. A row of the test is sealed if no
+leakage was detected. There the model must be sealed as well, or leak less than the limit of detection. The prior of
+each quantity is uniform in its logarithm, within the range of the quantity.
 """
 
 from __future__ import annotations
@@ -20,6 +21,8 @@ from .surrogate import Prediction, Surrogate
 
 #: Units of the calibrated quantities, in the order of all arrays.
 UNITS = {"hardness": "Pa", "shortest_wave": "m", "factor": ""}
+#: Index of the factor among these quantities.
+_FACTOR = 2
 #: Probability that the intervals of the calibrated quantities contain the true value.
 PROBABILITY = 0.9
 #: Fraction of the probability that may be neglected when only the most probable squares are divided further.
@@ -32,7 +35,11 @@ _SLAB_RANGE = 4.5
 
 @dataclass(frozen=True)
 class Estimate:
-    """A quantity in SI: its median, and the shortest interval that contains it with the probability `PROBABILITY`."""
+    """Median and interval of a quantity in SI.
+
+    The interval contains the quantity with the probability `PROBABILITY`. Among all such intervals, it is the shortest
+    one on a logarithmic scale.
+    """
 
     median: float
     lower: float
@@ -40,8 +47,9 @@ class Estimate:
 
     @classmethod
     def from_samples(cls, values: Array) -> Estimate:
-        """Estimate a positive quantity from samples (n,); the interval is the shortest one on a logarithmic scale."""
+        """Estimate a positive quantity from samples (n,)."""
         ordered = np.sort(values)
+        # the candidates are all intervals that begin and end at a sample and contain `count` samples
         count = int(np.ceil(PROBABILITY * len(ordered)))
         starts = ordered[: len(ordered) - count + 1]
         ends = ordered[count - 1 :]
@@ -53,22 +61,24 @@ class Estimate:
 class FactorDensity:
     """Posterior density of ln(factor) at several pairs of hardness and shortest wave.
 
-    The rows that leak give a normal density. It is multiplied by the probability of each sealed row.
+    The rows of the test with a leakage give a normal density. The posterior density is the product of this normal
+    density and of the probabilities of the sealed rows.
 
     Parameters
     ----------
     mean, deviation : array (pairs, 1)
         Mean and standard deviation of the normal density.
     misfit : array (pairs, 1)
-        Sum of the squares of the standardised residuals of the rows that leak, with the factor at the mean.
+        Sum of the squares of the standardised residuals of the rows with a leakage. The residuals are those at the most
+        probable factor, ln(factor) = mean.
     log_scale : array (pairs, 1)
-        ln of that part of the density which does not depend on the residuals.
+        Part of ln(density) that depends neither on the residuals nor on the factor.
     sealed_limit : array (pairs, sealed rows)
-        ln(limit) − ln(model) of the sealed rows.
+        ln(limit of detection) − ln(leakage of the model) for each sealed row.
     sealed_deviation : array (pairs, sealed rows)
         Standard deviation of `sealed_limit`.
     sealed_is_open : array (pairs, sealed rows)
-        Probability that the model leaks in the sealed rows.
+        Probability that the model leaks at the load of each sealed row.
     """
 
     mean: Array
@@ -80,12 +90,16 @@ class FactorDensity:
     sealed_is_open: Array
 
     def log_density(self, log_factor: Array) -> Array:
-        """Compute ln of the density, up to a constant, at values (pairs, m) of ln(factor)."""
+        """Compute ln(density), up to a constant, at m values of ln(factor) for each pair, (pairs, m).
+
+        ln(density) is log_scale − (misfit + ((ln(factor) − mean)/deviation)²)/2, plus the logarithm of the probability
+        of each sealed row. A sealed row excludes that the model leaks more than the limit of detection.
+        """
         standardised = (log_factor - self.mean) / self.deviation
         log_density = self.log_scale - 0.5 * (self.misfit + standardised**2)
         for row in range(self.sealed_limit.shape[1]):
             limit = self.sealed_limit[:, row, None]
-            # probability that an open model leaks more than the limit
+            # probability that the model leaks more than the limit, provided that it leaks
             exceeds_limit = ndtr((log_factor - limit) / self.sealed_deviation[:, row, None])
             log_density += np.log(1 - self.sealed_is_open[:, row, None] * exceeds_limit)
         return log_density
@@ -93,16 +107,19 @@ class FactorDensity:
 
 @dataclass(frozen=True, eq=False)
 class _Slabs:
-    """Small squares of the unit square of hardness and wave, each with slabs of equal width along ln(factor).
+    """Grid over the posterior density: small squares in the plane of hardness and shortest wave, divided into slabs.
+
+    The squares are parts of the unit square of hardness and shortest wave. Each square is divided into slabs of equal
+    width along the third axis, ln(factor).
 
     Parameters
     ----------
     centres : array (squares, 2)
         Centres of the squares.
     n_along_side : int
-        Number of such squares along a side of the unit square.
+        Number of squares of this size along a side of the unit square.
     first, last : array (squares, 1)
-        Ends of the range of the slabs.
+        Ends of the range of ln(factor) that the slabs of each square cover.
     probability : array (squares, slabs)
         Probability of every slab, up to a constant.
     """
@@ -118,16 +135,17 @@ class _Slabs:
 class Posterior:
     """Posterior density in the unit cube.
 
-    The coordinates of the cube are the logarithms of the three quantities, scaled from their ranges to 0 to 1.
+    The coordinates of the cube are the logarithms of the three quantities, scaled so that 0 and 1 are the ends of the
+    ranges.
 
     Parameters
     ----------
     test : LeakTest
         The leak test.
     rows : list of int
-        Index of the load of each row of the test in the loads of the surrogate.
+        For each row of the test, the index of its load among the loads of the surrogate.
     ranges : array (3, 2)
-        Ends of the ranges of the priors in SI.
+        Lower and upper end of the range of each quantity in SI.
     surrogate : Surrogate
         Prediction of the leakage of the model.
     error : float
@@ -146,29 +164,36 @@ class Posterior:
         return np.asarray(np.exp(low + cube * (high - low)))
 
     def predict(self, cube: Array) -> Prediction:
-        """Predict the leakage of every row of the test at points of the unit cube (n, 3), including the factor."""
+        """Predict the leakage for every row of the test at points of the unit cube (n, 3), including the factor."""
         model = self._predict_rows(cube[:, :2])
         log_factor = np.log(self.quantities(cube)[:, 2:])
         return Prediction(model.mean + log_factor, model.deviation, model.is_open)
 
     def _predict_rows(self, plane: Array) -> Prediction:
-        """Predict the leakage of the model for every row of the test at hardnesses and waves (pairs, 2)."""
+        """Predict the leakage of the model for every row of the test, without the factor.
+
+        plane : pairs of hardness and shortest wave as points of the unit square (pairs, 2).
+        """
         mean, deviation, is_open = self.surrogate.predict(plane)
         return Prediction(mean[:, self.rows], deviation[:, self.rows], is_open[:, self.rows])
 
     def factor_density(self, plane: Array) -> FactorDensity:
-        """Compute the density of ln(factor) at pairs of hardness and wave (pairs, 2) in the unit square."""
+        """Compute the posterior density of ln(factor) at points of the unit square of hardness and shortest wave.
+
+        plane : points of the unit square (pairs, 2).
+        """
         mean, deviation, is_open = self._predict_rows(plane)
         is_sealed = self.test.sealed
         leaks = ~is_sealed
         residuals = np.log(self.test.leakage) - mean  # (pair, row)
         loads = np.array(self.rows)[leaks]
-        errors = deviation[:, leaks]  # (pair, row that leaks)
+        errors = deviation[:, leaks]  # (pair, row with a leakage)
         correlation = self.surrogate.correlation[np.ix_(loads, loads)]
         surrogate_covariance = correlation * errors[:, :, None] * errors[:, None]
         covariance = surrogate_covariance + self.error**2 * np.eye(len(loads))  # (pair, row, row)
-        # Generalised least squares: ln(factor) is the constant that is fitted to the residuals. Dividing residuals and
-        # ones by the Cholesky factor of the covariance makes it an ordinary least-squares problem.
+        # Generalised least squares: ln(factor) is the constant c that is fitted to the residuals r, with the covariance
+        # C = LLᵀ. With the solutions of L a = r and L b = 1, it is the ordinary least-squares problem a = c b. Its
+        # solution is c = b·a / b·b, with the standard deviation (b·b)^(-1/2).
         root = np.linalg.cholesky(covariance)
         columns = np.stack([residuals[:, leaks], np.ones_like(errors)], axis=-1)
         white_columns = np.linalg.solve(root, columns)
@@ -192,11 +217,13 @@ class Posterior:
     def samples(self, count: int) -> Array:
         """Draw quasi-random samples of the posterior in the unit cube.
 
-        The unit square of hardness and wave is divided into small squares, four for each sample. As long as the most
-        probable quarter of them contains nearly all of the probability, only these are kept and divided further. Each
-        square is divided into slabs along ln(factor). A Sobol sequence then chooses slabs, and points in the slabs. If
-        the last digits of the density change, only a few samples move, and only to the next square. In a Markov chain,
-        all later samples would change.
+        The unit square of hardness and shortest wave is divided into small squares, four for each sample. If the most
+        probable quarter of the squares contains nearly all of the probability, the other squares are dropped, and the
+        remaining ones are divided into four. This is repeated as long as possible. Each square is then divided into
+        slabs along ln(factor). For each sample, a Sobol sequence chooses a slab and a point in it.
+
+        The samples hardly depend on rounding errors: if the last digits of the density change, few samples move, and
+        they only move to a neighbouring square. In a Markov chain, all later samples would change.
 
         Parameters
         ----------
@@ -208,33 +235,38 @@ class Posterior:
         array (count, 3)
         """
         slabs = self._probable_slabs(4 * count)
-        # random numbers of each sample: for the choice of a slab, and for the position in it along three axes
+        # Each sample has four random numbers from 0 to 1. The first one chooses the slab. The other ones are the
+        # position in the slab along hardness, shortest wave and ln(factor).
         random = qmc.Sobol(4, rng=np.random.default_rng(1)).random_base2(count.bit_length() - 1)
         # a slab is chosen where the cumulative probability of all slabs reaches the first random number
         cumulative = np.cumsum(slabs.probability) / slabs.probability.sum()
-        flat_index = np.searchsorted(cumulative[:-1], random[:, 0])
-        square, slab = np.divmod(flat_index, _SLABS)
+        # the slabs are numbered square by square, as in the array `probability` (square, slab)
+        number = np.searchsorted(cumulative[:-1], random[:, 0])
+        square, slab = np.divmod(number, _SLABS)
         plane = slabs.centres[square] + (random[:, 1:3] - 0.5) / slabs.n_along_side
         width = (slabs.last - slabs.first)[square, 0]
         log_factor = slabs.first[square, 0] + width * (slab + random[:, 3]) / _SLABS
-        low, high = np.log(self.ranges[2])
+        low, high = np.log(self.ranges[_FACTOR])
         return np.c_[plane, (log_factor - low) / (high - low)]
 
     def _probable_slabs(self, least_count: int) -> _Slabs:
-        """Divide the unit square of hardness and wave into small squares with slabs, see `samples`.
+        """Divide the unit square of hardness and shortest wave into small squares with slabs, see `samples`.
 
-        least_count : smallest number of squares, approximately.
+        least_count : approximate smallest number of squares.
         """
         n_along_side = round(least_count**0.5)
+        # (square, axis): the squares are numbered row by row
         centres = (np.indices((n_along_side, n_along_side)).reshape(2, -1).T + 0.5) / n_along_side
         while True:
             slabs = self._slabs(centres, n_along_side)
             probability = slabs.probability.sum(1)  # (square,)
             most_probable_first = np.argsort(-probability, kind="stable")
             best = np.sort(most_probable_first[: len(centres) // 4])
-            if not probability[best].sum() >= (1 - _NEGLECTED_PROBABILITY) * probability.sum():
+            nearly_all = (1 - _NEGLECTED_PROBABILITY) * probability.sum()
+            best_have_nearly_all = probability[best].sum() >= nearly_all
+            if not best_have_nearly_all:
                 return slabs
-            # the most probable quarter of the squares contains nearly all of the probability: divide them in four
+            # drop the other squares, and divide each of the best ones into four
             n_along_side *= 2
             to_quarters = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * n_along_side)
             centres = (centres[best, None] + to_quarters).reshape(-1, 2)
@@ -242,15 +274,17 @@ class Posterior:
     def _slabs(self, centres: Array, n_along_side: int) -> _Slabs:
         """Divide squares with these centres (squares, 2) into slabs along ln(factor).
 
-        The slabs cover several standard deviations around the mean of ln(factor), as far as they are within its range.
+        The slabs extend to `_SLAB_RANGE` standard deviations on both sides of the mean of ln(factor), but not beyond
+        the range of the factor.
         """
-        low, high = np.log(self.ranges[2])
+        low, high = np.log(self.ranges[_FACTOR])
         density = self.factor_density(centres)
         centre = np.clip(density.mean, low, high)
         first = np.clip(centre - _SLAB_RANGE * density.deviation, low, high)
         last = np.clip(centre + _SLAB_RANGE * density.deviation, low, high)
         middles = first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS
-        # the slabs of all squares have the same number, but not the same width
+        # Every square has the same number of slabs, but their width differs between squares. The probability of a slab
+        # is the density at its centre times its width, up to a constant.
         log_probability = density.log_density(middles) + np.log(last - first)
         probability = np.exp(log_probability - log_probability.max())
         return _Slabs(centres, n_along_side, first, last, probability)

@@ -1,19 +1,23 @@
-"""Interpolate the leakage between solved scenes by Gaussian processes.
+"""Interpolate the leakage between simulations by Gaussian processes.
 
-A scene is the case with one pair of values of hardness and shortest wave, which is a point of the unit square here. The
-cube root of the leakage at each load is modelled by a Gaussian process. The cube root is proportional to the gap of a
-channel that closes, so that its error is about the same near sealing and far from it. The process is the sum of
+A simulation solves the case with one hardness and one shortest wave. This pair of values is a point of the unit square.
+A Gaussian process models the cube root of the leakage at each load. When a channel closes, the cube root of its leakage
+is proportional to its gap. The interpolation error of the cube root is therefore about as large near sealing as far
+from it. The process is the sum of
 
 - a linear trend,
 - a smooth process, with a squared exponential covariance, and
 - a rough process, whose covariance along the last axis, the shortest wave, is exponential, exp(−r). It describes jumps
-  of the leakage: every wave that the low-pass filter removes may open or close a single channel.
+  of the leakage. Such jumps occur because a single wave can open or close a channel when the low-pass filter removes
+  it.
 
-The correlation lengths and the relative amplitudes of these processes are common to all loads. They maximise the
+The correlation lengths and the relative amplitudes of these processes are the same for all loads. They maximise the
 posterior density with weak priors. Each load has its own scale (Rasmussen and Williams, Gaussian Processes for Machine
-Learning, 2006, sections 2.2, 2.7 and 5.4; Conti and O'Hagan, J Stat Plan Inference 140, 2010, section 2). Sealed scenes
-are left out of this fit. A second Gaussian process predicts whether a scene is open or sealed. It is fitted to the
-values 1 and −1 by least squares (section 6.5 of the book).
+Learning, 2006, sections 2.2, 2.7 and 5.4; Conti and O'Hagan, J Stat Plan Inference 140, 2010, section 2). Simulations
+without leakage are left out of this fit.
+
+A second Gaussian process predicts whether the seal leaks. It is fitted by least squares to the class of each
+simulation: 1 if the seal leaks, −1 if it is sealed (Rasmussen and Williams, section 6.5).
 """
 
 from __future__ import annotations
@@ -40,21 +44,21 @@ _PRIOR_DEVIATIONS = np.array([[1.5, 0.7], [1.5, 1.0]])
 #: Decimals to which ln(amplitude) and ln(correlation length) are rounded, so that the results do not depend on the last
 #: digits of the fit.
 _PARAMETER_DECIMALS = 3
-#: Fewest open scenes from which the leakage at a load can be predicted.
+#: Smallest number of simulations with a leakage from which the leakage at a load can be predicted.
 FEWEST = 6
-#: Smallest probability that a scene is open, and smallest probability that it is sealed.
+#: Limit of the predicted probabilities: the probability that the seal leaks is never closer than this to 0 or 1.
 LEAST = 1e-3
 #: Standard deviation of ln(leakage) if nothing is known.
 _UNKNOWN_DEVIATION = 30.0
-#: Standard deviation of the class of a scene (1 or −1) that remains even if very many scenes are solved.
+#: Standard deviation of the predicted class (1: leaks, −1: sealed) that remains even after very many simulations.
 _CLASS_DEVIATION = 0.2
 
 
 @dataclass(frozen=True)
 class _Solution:
-    """Solution of K w = y for several columns y, with the covariance K = LLᵀ.
+    """Solution of K w = y for each of the k columns y of the values (n, k), with the covariance K = LLᵀ (n, n).
 
-    log_root_determinant : ln|L|. whitening : L⁻¹ (n, n). weights : K⁻¹y (n, k). squares : yᵀK⁻¹y (k,).
+    log_root_determinant : ln|L|. whitening : L⁻¹ (n, n). weights : w = K⁻¹y (n, k). squares : yᵀK⁻¹y (k,).
     """
 
     log_root_determinant: float
@@ -64,10 +68,11 @@ class _Solution:
 
 
 def _solve(covariance: Array, values: Array) -> _Solution:
-    """Solve K w = y for standardised values y (n, k)."""
+    """Solve K w = y for each column y of standardised values (n, k), with the Cholesky factor L of the covariance K."""
     rounding = _ROUNDING_VARIANCE * (1 + _TREND_VARIANCE)
     root = np.linalg.cholesky(covariance + rounding * np.eye(len(covariance)))
     whitening = solve_triangular(root, np.eye(len(root)), lower=True)
+    # values y with the covariance K become values L⁻¹y with the covariance 1, whose squares add up to yᵀK⁻¹y
     white_values = whitening @ values
     return _Solution(
         log_root_determinant=float(np.log(np.diag(root)).sum()),
@@ -129,9 +134,10 @@ class Process:
         self._scale = deviations * np.sqrt(solution.squares / degrees_of_freedom)
 
     def predict(self, points: Array) -> tuple[Array, Array]:
-        """Predict mean and standard deviation (m, k) at points (m, dimensions).
+        """Predict the mean and the standard deviation of the k processes at points (m, dimensions).
 
-        These are the usual formulas of a Gaussian process (Rasmussen and Williams, equations 2.25 and 2.26).
+        Both are arrays (m, k), from the usual formulas of a Gaussian process (Rasmussen and Williams, equations 2.25
+        and 2.26).
         """
         covariance = _covariance(self._parameters, points, self._points)  # (m, n)
         mean = self._mean + covariance @ self._weights
@@ -148,10 +154,13 @@ class Process:
     def leave_one_out_errors(self) -> Array:
         """Compute the standardised errors (n, k) of leave-one-out prediction.
 
-        Each value is predicted from all others, and its error is divided by the standard deviation of the prediction
-        (Rasmussen and Williams, equation 5.12).
+        Each value is predicted from all others, and its error is divided by the standard deviation of the prediction.
+        With the weights w = K⁻¹y, the error of value i is w_i / (K⁻¹)_ii, and the standard deviation is (K⁻¹)_ii^(-1/2)
+        (Rasmussen and Williams, equation 5.12). The standardised error is therefore w_i / (K⁻¹)_ii^(1/2).
         """
-        precision = (self._whitening**2).sum(0)  # diagonal of the inverse of the covariance
+        precision = (self._whitening**2).sum(
+            0
+        )  # (K⁻¹)_ii, because K⁻¹ is the product of L⁻¹ transposed and L⁻¹
         return np.asarray(self._weights / self._scale / np.sqrt(precision)[:, None])
 
 
@@ -166,13 +175,20 @@ class _Data:
 def _fit_processes(data_sets: list[_Data]) -> list[Process]:
     """Fit Gaussian processes to several sets of data.
 
-    All sets share their amplitudes and correlation lengths, which maximise the posterior density. The scale of each
-    column of values is integrated out of this density.
+    All sets share the same amplitudes and correlation lengths, which maximise the posterior density. The mean, the
+    trend and the scale of each column y of values are unknown, and the density is integrated over them. Up to a
+    constant, this gives
+
+        −ln(density) = Σ ((parameter − median) / deviation)² / 2 + Σ (ν/2 ln(yᵀK⁻¹y) + ln|L|)
+
+    where the first sum is over the parameters, with their priors, and the second one over all columns of all sets. The
+    number of degrees of freedom is ν = n − dimensions − 1 for n points.
     """
     if not data_sets:
         return []
     dimensions = data_sets[0].points.shape[1]
-    # parameters: for each of the two processes, one amplitude and then a correlation length along every dimension
+    # The parameters are, for each of the two processes, one amplitude and then a correlation length along every
+    # dimension. The prior is the same for all correlation lengths of a process.
     repetitions = [1, dimensions]
     medians = np.repeat(_PRIOR_MEDIANS, repetitions, axis=1).ravel()
     deviations = np.repeat(_PRIOR_DEVIATIONS, repetitions, axis=1).ravel()
@@ -187,11 +203,11 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
             covariance = _covariance(parameters, data.points, data.points)
             solution = _solve(covariance, data.values)
             degrees_of_freedom = max(len(data.points) - dimensions - 1, 1)
-            squares = solution.squares
-            # density of the values after integration over their mean, trend and scale
+            squares = solution.squares  # (column,)
+            n_columns = len(squares)
             total += (
                 0.5 * degrees_of_freedom * np.log(squares).sum()
-                + len(squares) * solution.log_root_determinant
+                + n_columns * solution.log_root_determinant
             )
         return float(total)
 
@@ -209,28 +225,30 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
 
 @dataclass(frozen=True)
 class _LoadGroup:
-    """Loads that are open in the same scenes.
+    """Loads at which the same simulations leak.
 
-    loads : indices of the loads. scenes : indices of the open scenes (scenes,).
+    loads : indices of the loads. simulations : indices of the simulations that leak at these loads.
     """
 
     loads: list[int]
-    scenes: Indices
+    simulations: Indices
 
 
 def _group_loads(is_open: Flags) -> list[_LoadGroup]:
-    """Group loads that are open in the same scenes; loads with too few open scenes are left out.
+    """Group the loads at which the same simulations leak. Loads with fewer than `FEWEST` such simulations are left out.
 
-    is_open : array of bool (scenes, loads).
+    is_open : array of bool (simulations, loads), whether each simulation leaks at each load.
     """
-    # a column of `is_open` as bytes is the key of a group
+    # arrays cannot be keys of a dictionary, but the bytes of a column of `is_open` can
     loads_by_pattern: dict[bytes, list[int]] = {}
     for load in np.flatnonzero(is_open.sum(0) >= FEWEST):
-        loads_by_pattern.setdefault(is_open[:, load].tobytes(), []).append(int(load))
-    return [
-        _LoadGroup(loads, np.flatnonzero(is_open[:, loads[0]]))
-        for loads in loads_by_pattern.values()
-    ]
+        pattern = is_open[:, load].tobytes()
+        loads_by_pattern.setdefault(pattern, []).append(int(load))
+    groups = []
+    for loads in loads_by_pattern.values():
+        leaking_simulations = np.flatnonzero(is_open[:, loads[0]])
+        groups.append(_LoadGroup(loads, leaking_simulations))
+    return groups
 
 
 class Prediction(NamedTuple):
@@ -239,9 +257,9 @@ class Prediction(NamedTuple):
     Parameters
     ----------
     mean, deviation : array (points, loads)
-        Median of ln(leakage) of an open seal, and its standard deviation.
+        Median and standard deviation of ln(leakage), provided that the seal leaks.
     is_open : array (points, loads)
-        Probability that the seal is open.
+        Probability that the seal leaks.
     """
 
     mean: Array
@@ -249,62 +267,80 @@ class Prediction(NamedTuple):
     is_open: Array
 
 
+class _ProcessAtLoads(NamedTuple):
+    """Gaussian processes of a quantity at several loads, with the indices of these loads."""
+
+    loads: list[int]
+    process: Process
+
+
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """Interpolation of ln(leakage) between solved scenes, and of the probability that a scene leaks, at several loads.
+    """Prediction of the leakage at several loads, interpolated between simulations.
 
     Parameters
     ----------
-    leakage : tuple of pairs (list of int, Process)
-        Groups of loads that are open in the same scenes, each with the processes of the cube root of the leakage at
-        these loads. Loads that are open in too few scenes are in no group.
-    open : pair (list of int, Process), optional
-        Loads at which some scenes are open and others are sealed, and the processes of the class (1 or −1) at these
-        loads; None if there is no such load.
+    leakage : tuple of _ProcessAtLoads
+        Processes of the cube root of the leakage, one entry for each group of loads at which the same simulations leak.
+        Loads at which too few simulations leak belong to no group.
+    open : _ProcessAtLoads, optional
+        Processes of the class of a simulation (1: leaks, −1: sealed), at the loads at which some simulations leak and
+        others are sealed. None if there is no such load.
     common_class : array (loads,)
-        Class of the scenes at the other loads: 1 if all are open, −1 if all are sealed.
+        Class of the first simulation at each load. At the loads that are not in `open`, all simulations have this
+        class.
     correlation : array (loads, loads)
         Correlation of the prediction errors at two loads.
     """
 
-    leakage: tuple[tuple[list[int], Process], ...]
-    open: tuple[list[int], Process] | None
+    leakage: tuple[_ProcessAtLoads, ...]
+    open: _ProcessAtLoads | None
     common_class: Array
     correlation: Array
 
     @classmethod
     def fit(cls, points: Array, leakage: Array) -> Surrogate:
-        """Fit a surrogate to solved scenes.
+        """Fit a surrogate to the leakages of simulations.
 
         Parameters
         ----------
-        points : array (scenes, dimensions)
-            Points in the unit cube.
-        leakage : array (scenes, loads)
-            Leakages >= 0, 0 where sealed.
+        points : array (simulations, dimensions)
+            Hardness and shortest wave of each simulation, as a point of the unit square.
+        leakage : array (simulations, loads)
+            Leakages, 0 where the seal is sealed.
         """
         is_open = leakage > 0
         groups = _group_loads(is_open)
-        data_sets = [
-            _Data(points[group.scenes], np.cbrt(leakage[group.scenes][:, group.loads]))
-            for group in groups
-        ]
+        data_sets = []
+        for group in groups:
+            leakage_of_group = leakage[group.simulations][:, group.loads]
+            data_sets.append(_Data(points[group.simulations], np.cbrt(leakage_of_group)))
         processes = _fit_processes(data_sets)
-        errors = np.zeros(leakage.shape)
+        leakage_processes = []
+        errors = np.zeros(leakage.shape)  # 0 where no leakage is predicted
         for group, process in zip(groups, processes, strict=True):
-            errors[group.scenes[:, None], group.loads] = process.leave_one_out_errors()
-        scene_class = np.where(is_open, 1.0, -1.0)
-        mixed_loads = np.flatnonzero(np.ptp(scene_class, axis=0)).tolist()
+            leakage_processes.append(_ProcessAtLoads(group.loads, process))
+            errors[group.simulations[:, None], group.loads] = process.leave_one_out_errors()
+        leakage_class = np.where(is_open, 1.0, -1.0)
+        # loads at which some simulations leak and others do not
+        mixed_loads = np.flatnonzero(np.ptp(leakage_class, axis=0)).tolist()
         class_process = None
         if mixed_loads:
-            (process,) = _fit_processes([_Data(points, scene_class[:, mixed_loads])])
-            class_process = mixed_loads, process
-        loads = [group.loads for group in groups]
-        leakage_processes = tuple(zip(loads, processes, strict=True))
-        return cls(leakage_processes, class_process, scene_class[0], _correlation(errors))
+            (process,) = _fit_processes([_Data(points, leakage_class[:, mixed_loads])])
+            class_process = _ProcessAtLoads(mixed_loads, process)
+        return cls(
+            leakage=tuple(leakage_processes),
+            open=class_process,
+            common_class=leakage_class[0],
+            correlation=_correlation(errors),
+        )
 
     def predict(self, points: Array) -> Prediction:
-        """Predict the leakage at points (points, dimensions) of the unit cube."""
+        """Predict the leakage at points (points, dimensions) of the unit cube.
+
+        The seal leaks if its class is above 0. The predicted class is normally distributed, so that the probability of
+        a leakage is Φ(mean / deviation) with the normal distribution function Φ.
+        """
         shape = len(points), len(self.common_class)
         mean = np.zeros(shape)
         deviation = np.full(shape, _UNKNOWN_DEVIATION)
@@ -320,32 +356,46 @@ class Surrogate:
 
 
 def _correlation(errors: Array) -> Array:
-    """Estimate the correlation (loads, loads) of prediction errors (scenes, loads) at two loads.
+    """Estimate the correlation between the prediction errors at each pair of loads.
 
-    With few scenes this estimate is uncertain. It is therefore reduced by 5 %, so that the covariance matrix stays
-    regular and no combination of loads appears to be known exactly.
+    With few simulations the estimate is uncertain, and the correlations are therefore reduced by 5 %. Without this
+    reduction, the covariance matrix could be singular, and some combination of the loads would seem to be known
+    exactly.
+
+    Parameters
+    ----------
+    errors : array (simulations, loads)
+        Errors of the leave-one-out predictions. Their expectation is 0, so that no mean is subtracted.
+
+    Returns
+    -------
+    array (loads, loads)
     """
-    norms = np.sqrt((errors**2).sum(0)) + 1e-30
+    norms = np.sqrt((errors**2).sum(0)) + 1e-30  # not 0 at loads where no leakage is predicted
     correlation = 0.95 * np.clip(errors.T @ errors / np.outer(norms, norms), -1, 1)
     np.fill_diagonal(correlation, 1.0)
     return np.asarray(correlation)
 
 
 def _logarithm(mean: Array, deviation: Array) -> tuple[Array, Array]:
-    """Convert a normally distributed cube root of the leakage to the distribution of ln(leakage).
+    """Compute the distribution of ln(leakage) from the mean and the deviation of the cube root of the leakage.
 
-    The normal distribution is truncated at 0, because the leakage of an open scene is positive.
+    The cube root x is normally distributed. The distribution is truncated at 0, because x is positive if the seal
+    leaks. The quantile of x at the probability Φ(s) is then deviation (r − Φ⁻¹(Φ(r) Φ(−s))), with the normal
+    distribution function Φ and r = mean/deviation. The quantile of ln(leakage) is 3 ln(x).
 
     Returns
     -------
     median, deviation : array
-        Median of ln(leakage), and half the distance between its quantiles at the probabilities 0.16 and 0.84, which are
-        1 standard deviation away from the median in a normal distribution.
+        Median of ln(leakage), and half the distance between the quantiles for s = −1 and s = 1, which is the standard
+        deviation if ln(leakage) is normally distributed.
     """
+    # for smaller ratios, the difference in `quantile` would lose its digits
     ratio = np.maximum(mean / deviation, -1e3)
 
     def quantile(normal_score: float) -> Array:
-        truncated = ratio - ndtri_exp(log_ndtr(ratio) + log_ndtr(-normal_score))
-        return 3 * np.log(deviation * truncated)
+        """Return the quantile of ln(leakage) at the probability Φ(normal_score), computed with logarithms of Φ."""
+        cube_root = ratio - ndtri_exp(log_ndtr(ratio) + log_ndtr(-normal_score))
+        return 3 * np.log(deviation * cube_root)
 
     return quantile(0.0), (quantile(1.0) - quantile(-1.0)) / 2

@@ -1,4 +1,4 @@
-"""Find the pressures that a seal needs, and what changes them most."""
+"""Find the pressures that a seal needs for a leakage class, and the quantities that change its leakage most."""
 
 from ..base.lazy_package import lazy
 

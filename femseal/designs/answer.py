@@ -1,4 +1,7 @@
-"""Find the pressures that a seal needs, and what changes them, from a case or from the results of a run."""
+"""Find the pressures that a seal needs, and the sensitivities of its leakage.
+
+The input is a case, which is run, or the results of a run.
+"""
 
 import json
 from collections.abc import Iterable
@@ -37,7 +40,7 @@ def design(
     workers: int | None = None,
     progress: job.Progress | None = None,
 ) -> Design:
-    """Find the pressures that a seal needs in assembly and in service, and what changes its leakage most.
+    """Find the pressures that a seal needs in assembly and in service, and the sensitivities of its leakage.
 
     As in EN 13555 and EN 1591-1, Qmin(L) is the lowest nominal pressure in assembly at which the seal meets a leakage
     class L. QSmin(L; Q_A) is the pressure to which it may be unloaded in service after it was assembled at Q_A. Qmin is
@@ -45,10 +48,10 @@ def design(
     and for the upper end of its 95 % interval. These are the loads of the verdict in the report, see
     `results.verdict`.
 
-    In addition, Qmin is given for a fraction of the realisations, from their computed leakage. (The 95 % interval
-    includes the scatter between realisations already.) If the case has a `relaxation`, the lowest pressure in assembly
-    at which the class is still met after relaxation is given, too. Between load steps, ln(leakage) is interpolated
-    linearly over ln(pressure). There is no extrapolation.
+    In addition, Qmin is given for a fraction of the realisations, for example 95 % of them. This value follows from the
+    computed leakages alone, whereas the 95 % interval also includes the scatter between realisations. If the case has a
+    `relaxation`, the answer also contains the lowest pressure in assembly at which the class is still met after
+    relaxation. Between load steps, ln(leakage) is interpolated linearly over ln(pressure). There is no extrapolation.
 
     Parameters
     ----------
@@ -68,8 +71,9 @@ def design(
     nominal_diameter : float or str, optional
         Nominal diameter [m] for the rates of ISO 5208, or a text such as "50 mm".
     solve : bool
-        Whether to solve a case again with another hardness and another length in the flow law. These two sensitivities
-        do not follow from a scaling law.
+        Whether to solve a case again, once with a slightly higher hardness, and once with a slightly larger length in
+        the flow law (mean free path or slip length). The sensitivities to these two quantities do not follow from a
+        scaling law.
     replace_results : bool
         Whether to replace results of another case in the folder.
     workers : int, optional
@@ -119,13 +123,17 @@ def design(
         _check_unloaded_from(seals, _as_pressures(results, assembly_loads))
     if not seals.count:
         given = "no realisation whose leakage is known at every load"
-        raise InputError("results", given, "results with at least one such realisation")
+        raise InputError(
+            "results",
+            given,
+            "results with at least one realisation whose leakage is known at every load",
+        )
     limits = class_limits(results.dataset, wanted_classes, diameter)
     relaxation = float(results.case.get("load", {}).get("relaxation", 0.0))
     requirements = tuple(
         requirement(seals, name, limit, probability, relaxation) for name, limit in limits.items()
     )
-    load = _load_of_sensitivities(requirements, seals, probability)
+    load = _choose_load_of_sensitivities(requirements, seals, probability)
     notes = _notes(seals, probability, results)
     variants = Variants(can_yield=bool(np.isfinite(results.dataset.attrs["hardness_Pa"])))
     if solve and case is None:
@@ -156,7 +164,7 @@ def design(
 
 
 def _case_or_results(what: Case | Results | AnyPath) -> tuple[Case | None, Results | None]:
-    """Return the case or the results that the user gave as an object or as a path; the other one is None."""
+    """Return the case or the results, which the user gave as an object or as a path. The one not given is None."""
     if isinstance(what, Results):
         return None, what
     if isinstance(what, Case):
@@ -184,7 +192,10 @@ def _loads_in_assembly(
 
 
 def _as_pressures(results: Results, loads: list[float]) -> list[float]:
-    """Convert loads in the SI unit of the loads of a run (Pa, N or N/m) to nominal pressures [Pa]."""
+    """Convert loads to nominal pressures [Pa].
+
+    loads : in the SI unit of the loads of the case, which is Pa, N or N/m.
+    """
     scale = force_scale(results.dataset)
     if scale is None:
         return loads
@@ -194,7 +205,9 @@ def _as_pressures(results: Results, loads: list[float]) -> list[float]:
 
 
 def _with_assembly_loads(case: Case, loads: list[float]) -> Case:
-    """Return a copy of a case that is also unloaded from further loads, given in the SI unit of its loads.
+    """Return a copy of a case in which the seal is also unloaded from these loads.
+
+    loads : in the SI unit of the loads of the case.
 
     Raises
     ------
@@ -246,8 +259,8 @@ def _check_unloaded_from(seals: Seals, pressures: list[float]) -> None:
 class _Load:
     """Load at which the sensitivities are computed.
 
-    class_name : leakage class whose Qmin this load is; "" if it is no Qmin. pressure : nominal pressure [Pa]; NaN if no
-    load is suitable.
+    class_name : leakage class, if the load is Qmin of a class; "" otherwise. pressure : nominal pressure [Pa]; NaN if
+    there is no suitable load.
     """
 
     class_name: str
@@ -259,13 +272,13 @@ class _Load:
         return bool(np.isfinite(self.pressure))
 
 
-def _load_of_sensitivities(
+def _choose_load_of_sensitivities(
     requirements: tuple[Requirement, ...], seals: Seals, fraction: float
 ) -> _Load:
     """Choose the load for the sensitivities.
 
-    It is Qmin of the first class that has one. Otherwise it is the geometric mean of the lowest and the highest load on
-    loading at which the seal leaks.
+    This is Qmin of the first class whose Qmin lies within the loads of the case. If there is no such class, it is the
+    geometric mean of the lowest and the highest load at which the seal leaks during loading.
     """
     for need in requirements:
         if np.isfinite(need.assembly.at):
@@ -282,7 +295,7 @@ def _load_of_sensitivities(
 
 
 def _with_fluid(variants: Variants, results: Results) -> Variants:
-    """Add the properties of the fluid that decides on leakage classes to the variants."""
+    """Return a copy of the variants with the properties of the fluid whose leakage is compared with the classes."""
     state = class_fluid(results)
     if state is None:
         return variants
@@ -301,7 +314,7 @@ def _note_on_version(results: Results) -> list[str]:
 
 
 def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
-    """List what the user should keep in mind about the answer."""
+    """List notes for the user on the limits of the answer."""
     notes = []
     smaller_fraction = min(fraction, 1 - fraction)
     if seals.count == 1:

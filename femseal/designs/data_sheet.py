@@ -90,12 +90,12 @@ class Design(Plotted):
     sealing : NeededPressure
         Lowest pressure in assembly at which the seal does not leak.
     at : pair (str, float)
-        Nominal pressure at which the sensitivities are computed [Pa], NaN if there is none, after the name of the
-        leakage class whose Qmin it is.
+        Load at which the sensitivities are computed: the leakage class whose Qmin it is ("" if it is no Qmin), and the
+        nominal pressure [Pa], which is NaN if no load is suitable.
     sensitivities : tuple of Sensitivity
         Logarithmic slopes of the leakage with respect to every quantity.
     notes : tuple of str
-        What to keep in mind about the answer.
+        Notes for the user on the limits of the answer.
     """
 
     results: Results
@@ -113,15 +113,17 @@ class Design(Plotted):
         """Secant stiffness of the interface on unloading from Q_A to Q_A/3 [Pa/m], for each pressure in assembly Q_A.
 
         An interface has no thickness. For a gasket, the modulus E_G of EN 13555 is this stiffness times the thickness
-        of the gasket. Between the steps of unloading, the mean gap is interpolated linearly over ln(pressure). The
-        stiffness is unknown for stochastic runs, and if the unloading ends above Q_A/3.
+        of the gasket. Between the steps of unloading, the mean gap is interpolated linearly over ln(pressure). No
+        stiffness is given for stochastic runs, nor for a pressure Q_A if the unloading from it ends above Q_A/3.
         """
         data = self.results.dataset
         if "mean_gap" not in data:
             return {}
         stiffness = {}
         for peak in self.seals.steps.unload_from:
-            from_lowest = self.seals.steps_from_highest(peak)[::-1]
+            from_lowest = self.seals.steps_from_highest(peak)[
+                ::-1
+            ]  # rising pressures, as `interp` needs
             pressures = self.seals.steps.pressures[from_lowest]
             is_loaded = pressures > 0
             gap = data["mean_gap"].values[from_lowest][is_loaded]
@@ -159,7 +161,7 @@ class Design(Plotted):
 
     @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
-        """Leakage unit of the first class, and the leakage per length that is 1 in this unit [m²/s]."""
+        """Leakage unit of the first class, and the value of this unit as a leakage per length of seal [m²/s]."""
         unit = self.results.leak_unit
         if self.requirements:
             first_class = leak_classes([self.requirements[0].name])[0]
@@ -253,17 +255,18 @@ def design_figure(answer: Design) -> Figure:
         band_name = f"{100 * low:g} – {100 * high:g} % of the seals"
     pressure, peaks = pressures_and_peaks(seals.steps)
     curves = LeakageCurves(
-        pressure,
-        peaks,
-        np.where(np.isfinite(curve.leakage), curve.leakage, np.nan),
-        "",
+        pressure=pressure,
+        peaks=peaks,
+        leakage=np.where(np.isfinite(curve.leakage), curve.leakage, np.nan),
+        title="",
         band=band,
         band_name=band_name,
         scale=(scale, f"{kind_of(unit)} [{unit.name}]"),
         force=force_scale(answer.results.dataset),
     )
+    # besides the unloadings: loading, interval, Qmin, QSmin, the bar of their intervals, and a margin of one entry
     n_entries = len(seals.steps.unload_from) + 6
-    legend_height = LEGEND_LINE * ceil(n_entries / 2)
+    legend_height = LEGEND_LINE * ceil(n_entries / 2)  # the legend has two columns
     limits = {need.name: need.limit / scale for need in answer.requirements}
     margins = replace(
         LOADS,
@@ -282,7 +285,7 @@ def design_figure(answer: Design) -> Figure:
 
 
 def _extend_to_limits(axes: Axes, limits: list[float]) -> None:
-    """Extend the leakage axis so that it contains the limits of classes within three decades of its ends."""
+    """Extend the leakage axis to the limits of leakage classes that are less than three decades outside of it."""
     low, high = axes.get_ylim()
     near_limits = [limit for limit in limits if 1e-3 * low < limit < 1e3 * high]
     lowest = min([low, *(limit / 2 for limit in near_limits)])
@@ -367,7 +370,10 @@ def sheet_tables(answer: Design) -> list[TextTable]:
 
 
 def _columns_of_realisations(answer: Design) -> list[tuple[str, list[str]]]:
-    """Make the column of Qmin for a fraction of the realisations; an empty list if there is only one seal."""
+    """Return the column with Qmin for a fraction of the realisations, one cell per class.
+
+    The list of columns is empty if the run has a single realisation.
+    """
     if answer.seals.count == 1:
         return []
     load_text = short_loads(answer.results)
@@ -379,10 +385,10 @@ def _columns_of_realisations(answer: Design) -> list[tuple[str, list[str]]]:
 
 
 def _columns_of_relaxation(answer: Design) -> list[tuple[str, list[str]]]:
-    """Make the columns about relaxation; an empty list if the case has none.
+    """Return the columns on relaxation, one cell per class. The list is empty if the case has no relaxation.
 
-    The first column contains Qmin with relaxation. The other ones say for each Q_A whether the pressure that is left
-    after relaxation is still enough.
+    The first column contains Qmin with relaxation. Then there is a column for each pressure in assembly Q_A. It says
+    whether the class is still met at the pressure that is left of Q_A after relaxation.
     """
     relaxation = answer.relaxation
     if not relaxation:
@@ -421,7 +427,7 @@ def _slope_text(slope: float) -> str:
 
 
 def sheet_sentences(answer: Design) -> list[str]:
-    """Write the verdicts on the classes, the conditions for which they hold, the sealing load and the notes."""
+    """Write the sentences of the data sheet: verdicts on the classes, conditions, sealing load, stiffness and notes."""
     data = answer.results.dataset
     load_text = answer.load_text
     sentences = verdict_lines(answer.results, answer.verdicts)
@@ -459,7 +465,7 @@ def sheet_sentences(answer: Design) -> list[str]:
 
 
 def rows(answer: Design) -> list[dict[str, Any]]:
-    """List all numbers of the answer as rows of a table: pressures in Pa, and slopes without unit."""
+    """List all numbers of the answer as rows of a table, with pressures in Pa."""
     figures = [
         *(row for need in answer.requirements for row in _rows_of_requirement(answer, need)),
         _pressure_row(answer, "sealing load [Pa]", "", None, answer.sealing),
@@ -490,7 +496,7 @@ def rows(answer: Design) -> list[dict[str, Any]]:
 
 
 def _rows_of_requirement(answer: Design, need: Requirement) -> list[dict[str, Any]]:
-    """List the pressures that a leakage class needs."""
+    """List the rows with the pressures that a leakage class needs."""
     name = need.name
     figures = [_pressure_row(answer, "Qmin [Pa]", name, None, need.assembly)]
     if answer.seals.count > 1:
@@ -507,7 +513,11 @@ def _rows_of_requirement(answer: Design, need: Requirement) -> list[dict[str, An
 def _pressure_row(
     answer: Design, figure: str, class_name: str, peak: float | None, needed: NeededPressure
 ) -> dict[str, Any]:
-    """Make the row of a needed pressure; an end of its interval that is unknown or outside the loads stays empty."""
+    """Make the row of a needed pressure.
+
+    The row also has the pressure from the computed leakage, and both ends of the 95 % interval. If one of these is
+    unknown or outside the loads of the case, its cell is empty.
+    """
     value = needed.bound(needed.value)
     row = _row(
         figure=figure,
@@ -526,5 +536,5 @@ def _pressure_row(
 
 
 def _row(**cells: Any) -> dict[str, Any]:
-    """Make a row with all columns; columns without a given value are empty."""
+    """Make a row with all columns. Columns that are not given are empty."""
     return dict.fromkeys(_COLUMNS) | cells

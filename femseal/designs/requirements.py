@@ -1,8 +1,8 @@
 """Find the pressures that a seal needs to meet a leakage class in assembly and in service, and to be tight.
 
-These are the loads of the verdict on a class (`results/verdict.py`). One of them follows from the computed leakage, and
-two from the ends of its 95 % interval, which includes the scatter between realisations. In addition there is the
-pressure that is enough for a given fraction of the realisations, from their computed leakage.
+These are the loads of the verdict on a class (`results/verdict.py`). Each pressure is given three times: for the
+computed leakage, and for the two ends of its 95 % interval, which includes the scatter between realisations. In
+addition there is the pressure at which a given fraction of the realisations meets the class, by their computed leakage.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Seals:
     steps : LoadProgramme
         The load steps.
     leakage : array (realisations, steps)
-        Magnitude of the leakage per length [m²/s]. It is infinite where the computed leakage is 0, but the upper end of
-        its 95 % interval is unknown.
+        Magnitude of the leakage per length [m²/s]. If the computed leakage is 0 but the upper end of its 95 % interval
+        is unknown, the seal may leak by any amount, and the value is infinite.
     curve : LeakageCurve
         Leakage that the run reports, such as the median of the realisations, with its interval.
     """
@@ -44,12 +44,13 @@ class Seals:
     def from_results(cls, results: Results) -> Seals:
         """Collect the leakages of all realisations of a run, or of its single seal.
 
-        The fluid is the one that decides on leakage classes: the test fluid if there is one.
+        They are the leakages that are compared with leakage classes: those of the test fluid if the case has one.
         """
         _, leakage = results.class_leakage
         interval = results.class_interval
         if interval is not None:
             _, upper = interval
+            # a computed leakage of 0 without an upper end says nothing: count it as leaking
             leakage = np.where((leakage == 0) & ~np.isfinite(upper), inf, leakage)
         return cls._with_open_loads(results.steps, leakage, LeakageCurve.of_results(results))
 
@@ -60,28 +61,32 @@ class Seals:
         leakage: Array,
         interval: tuple[Array, Array] | None = None,
     ) -> Seals:
-        """Collect leakages of realisations; those whose solution failed at a load step are left out.
+        """Collect the leakages of realisations. Realisations whose solution failed at a load step are left out.
 
         Parameters
         ----------
         steps : LoadProgramme
             The load steps.
         leakage : array (realisations, steps) or (steps,)
-            Leakage per length [m²/s], whose sign does not matter; infinite if unknown, NaN if the solution failed.
+            Leakage per length [m²/s], positive or negative. It is infinite if it is unknown, and NaN if the solution
+            failed.
         interval : pair of arrays (steps,), optional
             Ends of the 95 % interval of the median [m²/s].
         """
         magnitude = np.abs(np.atleast_2d(reals(leakage)))
+        # the median is the leakage of a realisation: for an even number, the lower one of the two in the middle
+        middle = (len(magnitude) - 1) // 2
         with np.errstate(invalid="ignore"):
-            median = np.sort(magnitude, axis=0)[(len(magnitude) - 1) // 2]
+            median = np.sort(magnitude, axis=0)[middle]
         return cls._with_open_loads(steps, magnitude, LeakageCurve.of(steps, median, interval))
 
     @classmethod
     def _with_open_loads(cls, steps: LoadProgramme, leakage: Array, curve: LeakageCurve) -> Seals:
-        """Set the leakage at low loads to infinity if it is unknown there, because the fluid alone carries these loads.
+        """Create the seals; where low loads have no known leakage, the leakage is set to infinity.
 
-        The low loads of a branch are those below the lowest load with a known leakage. The branches are treated
-        separately, because the fluid separates the faces at another load on unloading than on loading.
+        At low loads the fluid pressure alone can carry the load, and the faces are separated. The low loads of a branch
+        are those below the lowest load with a known leakage. Loading and each unloading are treated separately, because
+        the load at which the faces separate differs between them.
         """
         magnitude = np.abs(np.atleast_2d(reals(leakage)))
         is_known = ~np.isnan(magnitude).all(axis=0)  # (steps,)
@@ -89,8 +94,9 @@ class Seals:
             for peak in {step.unloaded_from for step in steps}:
                 on_branch = np.array([step.unloaded_from == peak for step in steps])
                 known_pressures = steps.pressures[on_branch & is_known]
-                # if nothing is known on an unloading branch, all of its loads are low, as they are below its peak
-                lowest_known = known_pressures.min(initial=inf if peak is None else peak)
+                # if no leakage of a branch is known, all of its loads are low: those of an unloading are below `peak`
+                highest_possible = inf if peak is None else peak
+                lowest_known = known_pressures.min(initial=highest_possible)
                 magnitude[:, on_branch & (steps.pressures < lowest_known)] = inf
         is_complete = ~np.isnan(magnitude).any(axis=1)  # (realisations,)
         return cls(steps, magnitude[is_complete], curve)
@@ -101,13 +107,17 @@ class Seals:
         return len(self.leakage)
 
     def quantile_curve(self, fraction: float) -> Array:
-        """Return the leakage per length that a fraction of the realisations does not exceed (steps,) [m²/s]."""
+        """Return the quantile of the leakage per length that a fraction of the realisations does not exceed.
+
+        It is an array (steps,) [m²/s].
+        """
         return np.sort(self.leakage, axis=0)[_rank(fraction, self.count)]
 
     def steps_from_highest(self, peak: float | None = None) -> Indices:
         """List the indices of the steps of a branch from the highest load to the lowest.
 
-        peak : peak of the unloading branch [Pa], which is the first step in the list; None for loading.
+        peak : nominal pressure from which the seal is unloaded [Pa]; None for loading. The list of an unloading begins
+        with the step of this pressure.
         """
         return falling_steps(self.steps, peak)
 
@@ -124,16 +134,16 @@ class Seals:
         Returns
         -------
         array (realisations,)
-            Nominal pressure [Pa]. It is infinite if the limit is exceeded even at the highest load, and 0 if it is
-            exceeded at no load.
+            Nominal pressure [Pa]. It is infinite if the leakage is above the limit even at the highest load, and 0 if
+            it is below the limit at all loads.
         """
         steps = self.steps_from_highest(peak)
         return crossings(self.steps.pressures[steps], self.leakage[:, steps], limit)
 
     def needed_with_relaxation(self, limit: float, relaxation: float) -> Array:
-        """Find the lowest peak from which each realisation still meets a limit after relaxation.
+        """Find the lowest pressure in assembly at which each realisation still meets a limit after relaxation.
 
-        Parameters and result are those of `needed_pressures`; `relaxation` is the fraction of the load that is lost.
+        relaxation : fraction of the load that is lost. See `needed_pressures` for the limit and the result.
         """
         peaks, steps_after = relaxed_steps(self.steps, relaxation)
         return crossings(peaks, self.leakage[:, steps_after], limit)
@@ -141,10 +151,10 @@ class Seals:
     def needed_by_fraction(
         self, fraction: float, limit: float, peak: float | None = None
     ) -> NeededPressure:
-        """Find the pressure that is enough for a fraction of the realisations, from their computed leakage.
+        """Find the pressure at which a fraction of the realisations meets a limit, by their computed leakage.
 
-        This is an order statistic: the pressure that one of the realisations needs, without interpolation between
-        realisations.
+        The pressures that the realisations need are sorted. The result is one of these pressures (an order statistic),
+        without interpolation between realisations.
         """
         value = float(np.sort(self.needed_pressures(limit, peak))[_rank(fraction, self.count)])
         pressures = self.steps.pressures[self.steps_from_highest(peak)]
@@ -160,10 +170,12 @@ class Seals:
 
 
 def _rank(fraction: float, count: int) -> int:
-    """Return the index, in sorted order, of the value that a fraction of `count` values does not exceed."""
-    number = ceil(
-        fraction * count - 1e-9
-    )  # a product that is slightly above 9 because of rounding counts as 9
+    """Return the index of a quantile in a sorted array of `count` values.
+
+    The given fraction of the values, rounded up to a whole number of values, does not exceed the quantile.
+    """
+    # a product that is slightly above 9 because of rounding counts as 9
+    number = ceil(fraction * count - 1e-9)
     return min(max(number, 1), count) - 1
 
 
@@ -182,7 +194,8 @@ class Requirement:
     service : dict of NeededPressure
         QSmin for each pressure in assembly Q_A [Pa]: the pressure to which the seal may be unloaded in service.
     for_fraction : NeededPressure
-        Pressure in assembly that is enough for a fraction of the realisations, from their computed leakage.
+        Lowest pressure in assembly at which a given fraction of the realisations meets the class, by their computed
+        leakage.
     relaxed : NeededPressure, optional
         Lowest pressure in assembly at which the class is still met after relaxation.
     """
@@ -209,7 +222,7 @@ def requirement(
     limit : float
         Largest leakage per length that the class allows [m²/s].
     fraction : float
-        Fraction of the realisations for which `Requirement.for_fraction` is enough.
+        Fraction of the realisations for `Requirement.for_fraction`.
     relaxation : float
         Fraction of the load in assembly that is lost before service.
 

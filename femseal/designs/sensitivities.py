@@ -1,11 +1,11 @@
 """Compute how much each quantity changes the leakage of a seal and the pressure that it needs.
 
-The sensitivities are logarithmic slopes at one load. Two of them need a further solution: the slope with respect to the
-hardness, and the slope with respect to the length in the flow law. A rarefied gas has such a length, its mean free
-path, which is proportional to its viscosity. A fluid with slip has its slip length. All other slopes follow from these
-two and from the slope of the loading curve by two scaling laws. If heights, hardness and pressure are multiplied by the
-same number, every gap is multiplied by this number. If all stresses are multiplied by the same number, the gaps do not
-change. The leakage L therefore obeys
+A sensitivity is a logarithmic slope at one load, d ln L/d ln x. Two sensitivities need a further solution: the slope
+with respect to the hardness, and the slope with respect to the length in the flow law. For a rarefied gas, this length
+is the mean free path, which is proportional to the viscosity of the gas. For a fluid with slip, it is the slip length.
+All other slopes follow from these two and from the slope of the loading curve by two scaling laws. If heights, hardness
+and pressure are multiplied by the same number, every gap is multiplied by this number. If all stresses are multiplied
+by the same number, the gaps do not change. The leakage L therefore obeys
 
     L(αa, E, αH, αp, αη, αb) = α² L(a, E, H, p, η, b)     L(a, βE, βH, βp, η, b) = L(a, E, H, p, η, b)
 
@@ -51,7 +51,7 @@ class Sensitivity:
     leakage : float
         d ln L/d ln x of the leakage; NaN if unknown.
     pressure : float
-        d ln Qmin/d ln x of the pressure that a leakage class needs; NaN if unknown.
+        d ln Qmin/d ln x, where Qmin is the pressure that a leakage class needs in assembly; NaN if unknown.
     how : str
         How the slopes were computed, as a text for tables.
     """
@@ -64,14 +64,14 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Variants:
-    """The same seals with one quantity changed, and properties of their solids and their fluid.
+    """Further solutions of the same seals, each with one quantity changed, and properties of their solids and fluid.
 
     Parameters
     ----------
     harder : Seals, optional
-        Seals whose hardness is multiplied by `factor`; None if they are not solved.
-    longer : Seals, optional
-        Seals in whose flow law the length is multiplied by `factor`; None if they are not solved.
+        Solution with the hardness multiplied by `factor`; None if there is none.
+    longer_length : Seals, optional
+        Solution with the length in the flow law multiplied by `factor`; None if there is none.
     factor : float
         Factor by which the quantity is multiplied.
     can_yield : bool
@@ -79,7 +79,8 @@ class Variants:
     hardens : bool
         Whether the hardness changes with plastic deformation.
     length_parameter : str
-        Name of the parameter of the fluid that is proportional to the length in its flow law; "" if there is no length.
+        Parameter of the fluid that is proportional to the length in its flow law: "viscosity" for a rarefied gas, or
+        the slip length; "" if the flow law has no length.
     inlet_slope : float
         d ln L/d ln p_in, where p_in is the inlet pressure; NaN if unknown.
     """
@@ -123,11 +124,12 @@ def sensitivities(
     """
 
     def solved_slope(variant: Seals | None, quantity: str) -> _Slope:
+        """Return the difference quotient of ln(leakage) between a variant and the original seals."""
         if variant is None:
             return _Slope(np.nan, "unknown: takes a solution of the case")
-        change = log_leakage_at(variant, pressure, fraction) - log_leakage_at(
-            seals, pressure, fraction
-        )
+        changed = log_leakage_at(variant, pressure, fraction)
+        original = log_leakage_at(seals, pressure, fraction)
+        change = changed - original
         how = f"solved again with {variants.factor:g} times the {quantity}"
         return _Slope(change / np.log(variants.factor), how)
 
@@ -174,9 +176,10 @@ def sensitivities(
 
 
 def log_leakage_at(seals: Seals, pressure: float, fraction: float) -> float:
-    """Interpolate ln(leakage [m²/s]) on loading at a nominal pressure [Pa]; NaN if the leakage is unknown or 0 there.
+    """Interpolate ln(leakage [m²/s]) on the loading curve at a nominal pressure [Pa].
 
-    fraction : fraction of the realisations that do not exceed this leakage.
+    The result is NaN if the leakage is unknown or 0 there. fraction : fraction of the realisations that do not exceed
+    this leakage.
     """
     log_pressure, log_leakage = _leaking_loads(seals, fraction)
     if not log_pressure.size:
@@ -185,11 +188,12 @@ def log_leakage_at(seals: Seals, pressure: float, fraction: float) -> float:
 
 
 def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
-    """Compute d ln L/d ln p on loading at a nominal pressure [Pa]; NaN outside the loads or without leakage.
+    """Compute the slope d ln L/d ln p of the loading curve at a nominal pressure [Pa].
 
-    The curve through the load steps is a monotone cubic spline (PCHIP). The chord between two steps would have a large
-    error where the curve bends: on the turned face of the examples at 579 MPa its slope is −2.73, while PCHIP gives
-    −3.00, and two solutions near this load give −3.06.
+    The slope is NaN if the pressure is outside the range of loads at which the seal leaks. The curve through the load
+    steps is a monotone cubic spline (PCHIP). The slope of the straight line between two load steps would have a large
+    error where the curve bends. For example, two solutions close to 579 MPa on the turned face of the examples give a
+    slope of −3.06. The slope of the spline is −3.00 there, and that of the straight line −2.73.
     """
     log_pressure, log_leakage = _leaking_loads(seals, fraction)
     at = np.log(pressure)
@@ -200,7 +204,7 @@ def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
 
 
 def _leaking_loads(seals: Seals, fraction: float) -> tuple[Array, Array]:
-    """Return ln(pressure) and ln(leakage) of the steps of loading with a known leakage above 0, by rising pressure."""
+    """Return ln(pressure) and ln(leakage) at the loads at which the seal leaks during loading, by rising pressure."""
     steps = seals.steps_from_highest()[::-1]
     pressure = seals.steps.pressures[steps]
     leakage = seals.quantile_curve(fraction)[steps]
@@ -211,18 +215,18 @@ def _leaking_loads(seals: Seals, fraction: float) -> tuple[Array, Array]:
 def solved_variants(
     case: Case, results: Results, workers: int | None, progress: Progress
 ) -> Variants:
-    """Solve the seals of a run again with another hardness, and with another length in the flow law.
+    """Solve the seals of a run again, with a higher hardness and with a larger length in the flow law.
 
-    The fluid is the one that decides on leakage classes. The first solution is left out if the solids do not yield, the
-    second one if the flow law has no length.
+    The fluid is the test fluid if the case has one. If the solids do not yield, there is no solution with a higher
+    hardness. If the flow law has no length, there is no solution with a larger length.
 
     Parameters
     ----------
     case : Case
         The case.
     results : Results
-        Results of the case. The seals are solved again with their number of realisations, and with the settings of the
-        last attempt if the case has an accuracy.
+        Results of the case. The seals are solved again with the same number of realisations. If the case has an
+        accuracy, the settings are those of the last attempt to reach it.
     workers : int or None
         Number of processes. None: one for each core.
     progress : callable
@@ -239,6 +243,7 @@ def solved_variants(
     scene = fluid_table.state.in_scene(prepared.scene)
 
     def solve(changed: Scene, quantity: str) -> Seals:
+        """Solve the seals with a changed scene; `quantity` is the changed quantity, for the progress."""
         version = replace(prepared, scene=changed)
         with (
             ordered_map(workers, before=compile_ahead) as mapper,
@@ -253,14 +258,12 @@ def solved_variants(
         harder = solve(replace(scene, hardness=scene.law.times(_FACTOR)), "hardness")
     longer_length = None
     fluid = cast(Any, scene.fluid)
-    length_parameter = law_of(scene.fluid).length
+    length_parameter = law_of(scene.fluid).length  # "viscosity", "slip_length" or ""
     if hasattr(fluid, length_parameter):
-        changed_fluid = replace(
-            fluid, **{length_parameter: _FACTOR * getattr(fluid, length_parameter)}
-        )
-        longer_length = solve(
-            replace(scene, fluid=changed_fluid), length_parameter.replace("_", " ")
-        )
+        larger_value = _FACTOR * getattr(fluid, length_parameter)
+        changed_fluid = replace(fluid, **{length_parameter: larger_value})
+        changed_scene = replace(scene, fluid=changed_fluid)
+        longer_length = solve(changed_scene, length_parameter.replace("_", " "))
     return Variants(
         harder=harder,
         longer_length=longer_length,
