@@ -1,4 +1,4 @@
-"""`python -m femseal`: the command of the environment that this Python is of."""
+"""Run the command line of femseal by `python -m femseal`, with the interpreter that is called."""
 
 from .cli import main
 

@@ -53,7 +53,7 @@ app = typer.Typer(
 
 
 def _print_versions(is_wanted: bool) -> None:
-    """Print the versions of femseal and of the libraries that it uses, and end the command."""
+    """Print the versions of femseal and of the libraries that it uses, and exit."""
     if not is_wanted:
         return
     from .base.machine import versions
@@ -283,7 +283,10 @@ def export(
         ),
     ] = None,
 ) -> None:
-    """Write gap, contact pressure or fluid pressure at the load steps for other programs, with the size of a pixel."""
+    """Write the gap, the contact pressure or the fluid pressure over the pixels to files for other programs.
+
+    The files also contain the pixel size. By default, all load steps are written.
+    """
     from .base.quantities import to_si
     from .results import open_results
 

@@ -32,9 +32,9 @@ Unit = Annotated[str | None, option("Unit of leakage.", "as in the case")]
 
 @contextmanager
 def all_progress(quiet: bool, how_to_resume: str) -> Iterator[Progress]:
-    """Show the progress of a command with several runs, including the compilation of loops.
+    """Show the progress of a command that runs several cases, and of the compilation of loops before it.
 
-    how_to_resume : end of the message after Ctrl-C, which tells the user how to continue the command.
+    how_to_resume : text that tells the user how to continue the command. It ends the message after Ctrl-C.
     """
     try:
         with show_progress(quiet) as progress, reporting_compilation(progress):
@@ -164,7 +164,8 @@ def design(
 ) -> None:
     """Find the pressure that a seal needs in assembly (Qmin) and in service (QSmin) for leakage classes.
 
-    A case is run unless its folder contains its complete results; results in a folder are taken as they are.
+    A case is run, unless its results folder already contains the complete results. If a folder is given instead of a
+    case, its results are used, and nothing is run.
     """
     from .designs.answer import design as find_answer
 
@@ -216,7 +217,7 @@ def calibrate(
         typer.Option(help="Range of the factor between test and model."),
     ] = (0.2, 5.0),
     error: Annotated[str, typer.Option(help="Relative error of a measured leakage.")] = "10 %",
-    scenes: Annotated[int, typer.Option(help="Largest number of scenes that are solved.")] = 40,
+    scenes: Annotated[int, typer.Option(help="Largest number of simulations.")] = 40,
     resume: Resume = False,
     replace: Replace = False,
     part: PartOption = None,
@@ -224,7 +225,7 @@ def calibrate(
     scheduler: Scheduler = None,
     quiet: Quiet = False,
 ) -> None:
-    """Find hardness, shortest wave and a factor between test and model from a measured curve of leakage."""
+    """Estimate the hardness, the shortest wave and the ratio of measured to computed leakage from a leak test."""
     from .calibration.calibrating import CASE_FILE
     from .calibration.calibrating import calibrate as run_calibration
 

@@ -1,8 +1,8 @@
 """Look up the properties of fluids by name, and describe real gases.
 
-A table contains ten common fluids at 20 °C. The properties of other fluids, and those at other temperatures, are
-computed by CoolProp at the mean of the pressures at inlet and outlet. A named gas is an ideal gas with this viscosity;
-a named liquid has this density and viscosity.
+A table contains the properties of ten common fluids at 20 °C. For other fluids and other temperatures, CoolProp
+computes the properties at the mean of inlet and outlet pressure. A named gas is treated as an ideal gas with this
+viscosity. A named liquid has this density and viscosity.
 
 The potential of a real gas is φ = ∫ρ/η dp, as for any fluid. It is tabulated once for each gas and temperature, from
 the density and viscosity by CoolProp. In narrow gaps, the gas flows by the law of Fukui and Kaneko with the mean free
@@ -53,7 +53,7 @@ _LEAST_SLOPE = 1e-200
 
 @dataclass(frozen=True)
 class NamedFluid:
-    """Hold the properties of a fluid as the parameters of a class in `femseal.fluids`.
+    """Hold the properties of a fluid, with the names of the parameters of a class in `femseal.fluids`.
 
     Parameters
     ----------
@@ -68,13 +68,13 @@ class NamedFluid:
 
 
 def _gas(viscosity: float, molar_mass: float, temperature: float = TABLE_TEMPERATURE) -> NamedFluid:
-    """Make an entry for an ideal gas."""
+    """Make the entry of an ideal gas for `TABLE`."""
     parameters = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": temperature}
     return NamedFluid("ideal-gas", parameters)
 
 
 def _liquid(viscosity: float, density: float) -> NamedFluid:
-    """Make an entry for a liquid."""
+    """Make the entry of a liquid for `TABLE`."""
     return NamedFluid("liquid", {"viscosity": viscosity, "density": density})
 
 
@@ -133,7 +133,7 @@ def named_fluid(
     temperature : float
         Temperature [K].
     pressures : tuple of two float
-        Absolute pressures at inlet and outlet [Pa]. Properties by CoolProp are those at the mean of the two.
+        Absolute pressures at inlet and outlet [Pa]. CoolProp computes the properties at the mean of the two.
 
     Raises
     ------
@@ -156,10 +156,11 @@ def named_fluid(
         molar_mass = float(properties.PropsSI("M", fluid))
     except ValueError as error:
         _refuse_unknown(name, temperature, error)
-    is_gas_at_ends = {"gas" in phase or phase == "supercritical" for phase in phases}
-    if len(is_gas_at_ends) > 1 or "twophase" in phases:
+    is_gas_at_each_end = ["gas" in phase or phase == "supercritical" for phase in phases]
+    is_gas = all(is_gas_at_each_end)
+    changes_phase = any(is_gas_at_each_end) and not is_gas
+    if changes_phase or "twophase" in phases:
         _refuse(name, temperature, "a temperature at which it is a gas, or a liquid, at both ends")
-    is_gas = is_gas_at_ends == {True}
     if is_vapour and not is_gas:
         _refuse(
             name, temperature, "a temperature at which it is a gas at both ends: here it is liquid"
@@ -170,9 +171,9 @@ def named_fluid(
 
 
 def _plain_name(name: object) -> str:
-    """Convert the name of a fluid to the form in which names are compared.
+    """Simplify the name of a fluid, so that different spellings of a name become equal.
 
-    This form has no capitals, spaces, hyphens and underscores, and is in American spelling.
+    The result has neither capital letters nor spaces, hyphens or underscores. "sulph" becomes "sulf".
     """
     plain = str(name).casefold().translate(str.maketrans("", "", " -_"))
     return plain.replace("sulph", "sulf")
@@ -189,10 +190,10 @@ def _in_table(name: object) -> NamedFluid | None:
 
 
 def _known_to_coolprop(name: Any, temperature: float) -> tuple[Any, str]:
-    """Return the module CoolProp and the name that it uses for a fluid.
+    """Return the module CoolProp, and the name that CoolProp uses for a fluid.
 
-    An InputError is raised if CoolProp is not installed, or does not know the fluid or its properties at the
-    temperature [K].
+    Raises an InputError if CoolProp is not installed, if it does not know the fluid, or if its equations are not valid
+    for this fluid at the temperature [K].
     """
     names_in_table = f"one of {', '.join(TABLE)} at 20 °C"
     try:
@@ -224,7 +225,7 @@ def _name_in_coolprop(name: object) -> str | None:
 
 @cache
 def _names_in_coolprop() -> dict[str, str]:
-    """Map the names of fluids that CoolProp knows, in the form of `_plain_name`, to the main names in CoolProp."""
+    """Return the main name in CoolProp for every name that a fluid can have, simplified by `_plain_name`."""
     from CoolProp import CoolProp
 
     names = {}
@@ -240,7 +241,7 @@ def _names_in_coolprop() -> dict[str, str]:
 
 
 def _refuse(name: Any, temperature: float, allowed: str) -> NoReturn:
-    """Raise an InputError for a fluid at a temperature [K]; `allowed` describes the allowed values."""
+    """Raise an InputError for a fluid at a temperature [K]. `allowed` describes the allowed fluids or temperatures."""
     raise InputError("name", f"{shown(name)} at {temperature - 273.15:.4g} °C", allowed)
 
 
@@ -278,7 +279,7 @@ class DenseGasSlip(FukuiKaneko):
 
 
 def temperature_of_gas(**more: Any) -> Any:
-    """Declare the parameter `temperature` of a gas; `more` has further arguments of `parameter`."""
+    """Declare the parameter `temperature` of a gas. `more` are further arguments for `base.validate.parameter`."""
     allowed = "a temperature above absolute zero, such as '20 °C'"
     return parameter("K", allowed, "of the gas", usual=(2.0, 2000.0), **more)
 
@@ -290,7 +291,7 @@ def slip_of_gas() -> Any:
 
 
 class Gas:
-    """Implement what all gases have in common. A subclass has a temperature, a molar mass and a choice of slip."""
+    """Base class of all gases. A subclass has the attributes `temperature`, `molar_mass` and `slip`."""
 
     #: Default outlet pressure of a case, absolute [Pa].
     outlet_pressure: ClassVar[float] = STANDARD_PRESSURE
@@ -361,9 +362,9 @@ class RealGas(Gas):
 
     @property
     def highest_pressure(self) -> float:
-        """Highest pressure at which the properties are known and the fluid is a gas [Pa]; at most 1 GPa.
+        """Highest pressure at which the properties are known and the fluid is a gas [Pa], at most 1 GPa.
 
-        If the gas condenses, it is the saturation pressure.
+        If the gas condenses at this temperature, this is the saturation pressure.
         """
         return float(_table(self.name, self.temperature).pressures[-1])
 
@@ -389,12 +390,12 @@ class RealGas(Gas):
         return _table(self.name, self.temperature).potential(pressure)
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the absolute pressure [Pa] at which the potential has a given value, by Newton's method."""
+        """Return the absolute pressures [Pa] at which the potential has the given values, by Newton's method."""
         table = _table(self.name, self.temperature)
         φ = reals(potential)
 
         def slope(p: Array) -> Array:
-            """Return dφ/dp, but not 0."""
+            """Return dφ/dp, but a tiny number instead of 0, by which Newton's method can divide."""
             return np.maximum(table.slope(p), _LEAST_SLOPE)
 
         # at low pressure φ is proportional to p², so that p is nearly linear in √φ
@@ -464,7 +465,7 @@ class _Table(NamedTuple):
     pressures : pressures of the points of the table in rising order [Pa], beginning with 0.
     potential : spline of the potential φ(p) [kg/(m³ s)].
     slope : spline of dφ/dp = ρ/η [s/m²].
-    saturates : whether the gas condenses at the last pressure.
+    saturates : whether the gas condenses at the last pressure of the table.
     molar_mass : molar mass of the gas [kg/mol].
     """
 
@@ -476,9 +477,9 @@ class _Table(NamedTuple):
 
 
 def _state(name: str) -> Any:
-    """Create the CoolProp object for a gas.
+    """Create the object with which CoolProp computes states of a gas.
 
-    It is not cached, because CoolProp issues errors if such objects still exist when the interpreter ends.
+    It is not cached, because CoolProp reports errors if such objects still exist when the interpreter exits.
     """
     from CoolProp.CoolProp import AbstractState
 
@@ -507,8 +508,9 @@ def _properties(name: str, temperature: float, pressure: ArrayLike) -> tuple[Arr
 def _table(name: str, temperature: float) -> _Table:
     """Tabulate the potential of a gas at a temperature [K].
 
-    The slope dφ/dp = ρ/η is interpolated by a cubic spline, whose integral is the potential. Points are added until the
-    error of the spline in the middle between all neighbouring points is small enough.
+    A cubic spline interpolates the slope dφ/dp = ρ/η. Its integral is the potential φ. Midway between neighbouring
+    points, the slope of the spline is compared with the exact slope. Points are added there until the error is small
+    enough.
     """
     from scipy.interpolate import CubicSpline
 
@@ -526,6 +528,7 @@ def _table(name: str, temperature: float) -> _Table:
         potential = slope.antiderivative()
         middles = 0.5 * (pressures[1:] + pressures[:-1])
         exact = exact_slope(middles)
+        # error of the slope times the width of the interval, relative to the potential
         error = np.abs(slope(middles) - exact) * np.diff(pressures) / potential(middles)
         coarse = np.flatnonzero(error > _ERROR)  # intervals to be halved
         if not coarse.size:
@@ -536,10 +539,11 @@ def _table(name: str, temperature: float) -> _Table:
 
 
 def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:
-    """Return the highest pressure of a gas at a temperature [K], and whether the gas condenses there.
+    """Return the highest pressure in the table of a gas at a temperature [K], and whether the gas condenses there.
 
-    The pressure [Pa] is the saturation pressure. If there is none, or if CoolProp cannot compute the properties there,
-    the pressure is halved until CoolProp can.
+    Below the critical temperature, this is the saturation pressure [Pa]; above it, the highest pressure for which
+    CoolProp has an equation of state. If CoolProp cannot compute the properties there, the pressure is halved until it
+    can.
     """
     import CoolProp
 
@@ -580,11 +584,11 @@ class IdealGasError:
 
 
 def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
-    """Compare the leakage of an ideal gas with that of the corresponding real gas, with properties from CoolProp.
+    """Compute the ratio between the leakage of an ideal gas and the leakage of the corresponding real gas.
 
-    The real gas is identified by its molar mass. If several gases have this molar mass, the one with the closest
-    viscosity is taken. A gas whose viscosity CoolProp does not know is only identified if its molar mass is the
-    closest.
+    CoolProp gives the properties of the real gas. The real gas is found by its molar mass. If several gases have this
+    molar mass, the gas with the closest viscosity is chosen. If CoolProp does not know the viscosity of the gas with
+    the closest molar mass, the ratio remains unknown.
 
     Parameters
     ----------
@@ -594,8 +598,8 @@ def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
         Absolute pressures at inlet and outlet [Pa].
     """
     try:
-        name = _recognise_gas(gas)
-        closest = _closest_in_mass(gas)
+        name = _recognise_gas(gas)  # by molar mass and viscosity
+        closest = _closest_in_mass(gas)  # by molar mass alone
     except ImportError:
         missing = (
             "CoolProp, which knows real gases, is not installed (pip install 'femseal[fluids]')"
@@ -630,9 +634,10 @@ def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
 
 
 def is_nearly_ideal(gas: Any) -> bool:
-    """Return whether an ideal gas corresponds to a gas in the table, well above the boiling point of that gas.
+    """Return whether the real gas behind an ideal gas is nearly ideal.
 
-    Up to 20 bar, such a gas deviates from an ideal gas by at most 2 %.
+    This is the case if the molar mass is that of a gas in `TABLE`, and the temperature is well above its boiling point.
+    Up to 20 bar, the real gas then deviates from the ideal gas by at most 2 %.
     """
     masses = [fluid.parameters.get("molar_mass", 0.0) for fluid in TABLE.values()]
     is_in_table = any(abs(gas.molar_mass - mass) <= _SAME_MASS * mass for mass in masses)
@@ -640,9 +645,10 @@ def is_nearly_ideal(gas: Any) -> bool:
 
 
 def _recognise_gas(gas: Any) -> str:
-    """Return the name of the real gas that corresponds to an ideal gas, "" if CoolProp does not know it.
+    """Return the name of the real gas with the molar mass and the viscosity of an ideal gas, "" if there is none.
 
-    An ImportError is raised if CoolProp is needed but not installed.
+    Gases in `TABLE` are found by their molar mass alone. For other gases, an ImportError is raised if CoolProp is not
+    installed.
     """
     for table_name, fluid in TABLE.items():
         mass = fluid.parameters.get("molar_mass", 0.0)
@@ -661,9 +667,10 @@ def _recognise_gas(gas: Any) -> str:
 
 
 def _mass_differences(gas: Any) -> dict[str, float]:
-    """Find the fluids of CoolProp that have nearly the same molar mass as a gas.
+    """Find the fluids in CoolProp that have nearly the same molar mass as a gas.
 
-    Returns the relative difference in molar mass of each of these fluids, by its name.
+    Returns a dictionary from the name of each of these fluids to the relative difference between its molar mass and the
+    molar mass of the gas.
     """
     from CoolProp import CoolProp
 
@@ -677,14 +684,17 @@ def _mass_differences(gas: Any) -> dict[str, float]:
 
 
 def _closest_in_mass(gas: Any) -> str:
-    """Return the fluid of CoolProp whose molar mass is closest to that of a gas, "" if none is close enough."""
+    """Return the fluid in CoolProp with the molar mass closest to that of a gas, "" if none is close enough."""
     differences = _mass_differences(gas)
     return min(differences, key=lambda name: differences[name], default="")
 
 
 @cache
 def _has_viscosity(name: str) -> bool:
-    """Return whether CoolProp has a model for the viscosity of one of its fluids."""
+    """Return whether CoolProp can compute the viscosity of a fluid.
+
+    name : main name of the fluid in CoolProp.
+    """
     import CoolProp
 
     state = _state(name)
@@ -697,5 +707,5 @@ def _has_viscosity(name: str) -> bool:
 
 
 def _means_no_viscosity(error: ValueError) -> bool:
-    """Return whether an error of CoolProp means that it has no model for a viscosity."""
+    """Return whether an error of CoolProp says that it has no model for the viscosity of the fluid."""
     return "iscosity model" in str(error)

@@ -108,7 +108,7 @@ def new(
         option_name = {"limit": "--class"}.get(first_stated, f"--{first_stated.replace('_', '-')}")
         raise InputError(option_name, "without --drawing", "--drawing as well")
     if drawing and face is not None:
-        raise InputError("--from", "a measured face and --drawing", "one of them")
+        raise InputError("--from", "together with --drawing", "either --from or --drawing")
     if drawing:
         from .preparation.case_of_drawing import case_of_drawing, read_drawing
 

@@ -33,7 +33,7 @@ from ..case.template import as_toml, bare_key
 from ..plots.drawing import LEGEND_LINE, LINES, LOADS, Sheet, add_grid, legend_below, shows
 from ..plots.leakage_panels import LeakageCurves, leakage_panel
 from ..plots.style import GREY, STYLES, rendered_formats
-from ..results.load_steps import branch_text, pressures_and_peaks
+from ..results.load_steps import ForceScale, branch_text, pressures_and_peaks
 from ..results.tables import format_leakage
 from .leak_test import BELOW, LeakTest
 from .posterior import PROBABILITY, UNITS, Estimate, Posterior
@@ -382,7 +382,7 @@ def calibration_figure(calibration: Calibration) -> Figure:
         band=(low, high),
         band_name=_interval_name(),
         scale=(1.0, f"leakage [{test.unit.name}]"),
-        force=None if calibration.load_unit == "Pa" else (unit, 1 / unit_in_si),
+        force=None if calibration.load_unit == "Pa" else ForceScale(unit, 1 / unit_in_si),
     )
     # besides the branches, the legend lists the interval and two kinds of measured points
     legend_height = LEGEND_LINE * (len(curves.branches) + 3)

@@ -47,7 +47,7 @@ Method = Literal["deterministic", "two-scale", "blocks", "stochastic"]
 
 
 class ContactTable(Table):
-    """How contact is solved, and whether the fluid presses the faces apart, see `studies.Scene`."""
+    """Settings of the contact solution, and whether the fluid pressure separates the faces, see `studies.Scene`."""
 
     boundary: Annotated[tuple[Boundary, Boundary], OneForBothAxes()] = key(
         "boundary of the surface along x1 and x2; one word counts for both", ("free", "periodic")
@@ -245,7 +245,9 @@ class Case(Table):
         first = self.face[0]
         if isinstance(first, FileFace) and first.placement:
             given = ", ".join(sorted(first.placement))
-            raise InputError("face.0", given, "these keys in the table of the second face only")
+            raise InputError(
+                "face.0", given, "no such keys here, only in the table of the second face"
+            )
 
     def _check_seal(self) -> None:
         """Raise an InputError if the method or a length in [stochastic] does not suit the shape of the seal."""
@@ -263,7 +265,10 @@ class Case(Table):
                 raise InputError(f"stochastic.{name}", to_text(value, "m"), expected)
 
     def _check_seat(self) -> None:
-        """Raise an InputError if a seat with a form is combined with a boundary, face, seal or map that excludes it."""
+        """Raise an InputError if a seat that is not flat cannot be used with another table of the case.
+
+        The other tables are the boundary of the contact, the measured face, the shape of the seal and the pressure map.
+        """
         kind = self.seat.kind
         boundary = self.contact.boundary[0]  # along x1
         if kind == "flat":
@@ -286,7 +291,10 @@ class Case(Table):
             raise InputError("seal.kind", given, "a strip or a ring")
 
     def _check_map_and_form(self) -> None:
-        """Raise an InputError if a pressure map or a form excludes a method of the case, or each other."""
+        """Raise an InputError if a method of the case cannot use the pressure map or the form of the seal.
+
+        The same error is raised if the case has both a pressure map and a form.
+        """
         if self.load.map is not None:
             why = "the other methods have one nominal pressure"
             self._check_stochastic_alone("load.map", "a map", why)
@@ -298,12 +306,12 @@ class Case(Table):
                 raise InputError("load.map", "a map with seal.form", expected)
 
     def _check_stochastic_alone(self, name: str, given: str, why: str) -> None:
-        """Raise an InputError if a key that only the stochastic method can use is combined with another method.
+        """Raise an InputError if the case has another method beside the stochastic one, which alone can use a key.
 
         Parameters
         ----------
         name : name of the key.
-        given : short description of its value, for the message.
+        given : short description of the value of the key, for the message.
         why : reason why the other methods cannot use the key, for the message.
         """
         others = self.methods - {"stochastic"}
@@ -358,7 +366,7 @@ class Case(Table):
 
     @property
     def solids(self) -> tuple[Solid, Solid | None]:
-        """Solids without their coatings: that with the rough surface, and that of the counter-face or None if rigid."""
+        """Solid of the face and solid of the counter-face, without coatings. A rigid counter-face is None."""
         counter = self.counter_material
         return self.material.solid, None if counter is None else counter.solid
 
@@ -370,9 +378,9 @@ class Case(Table):
 
     @property
     def law(self) -> ContactLaw:
-        """Contact law of the softer solid; elastic if neither solid yields.
+        """Contact law of the softer solid. If neither solid yields, the law is elastic.
 
-        If the hardness curves of the two solids cross, the lower hardness counts at each depth.
+        If the hardness curves of the two solids cross, the law takes the lower hardness at each depth.
         """
         counter = self.counter_material
         return softer_of(self.material.law, None if counter is None else counter.law)
@@ -397,7 +405,7 @@ class Case(Table):
 
     @property
     def modulus(self) -> float | Bodies:
-        """Contact modulus [Pa]; if one of the bodies is coated, the two bodies instead."""
+        """Contact modulus [Pa]. If one of the bodies is coated, these are the two bodies instead of a modulus."""
         return checked_modulus(self.bodies)
 
     def echo(self) -> dict[str, Any]:

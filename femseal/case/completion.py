@@ -56,9 +56,9 @@ def complete(data: RawTable) -> RawTable:
     """Return the tables of a case, completed as described at the top of this module.
 
     The entry `named_warnings` of the returned data contains warnings about renamed keys, and about properties that
-    differ much from those of a named fluid or solid.
+    differ by more than a factor of `_ODD_RATIO` from the properties of a named fluid or solid.
     """
-    # If another value is given where a table is expected, an empty table is completed in its place. At the end the
+    # Where the user has given another value instead of a table, an empty table takes its place here. At the end the
     # value is put back, so that the validation reports it.
     no_tables = {name: data[name] for name in _TABLES if not isinstance(data.get(name, {}), dict)}
     data = data | {name: {} for name in no_tables}
@@ -77,9 +77,9 @@ def complete(data: RawTable) -> RawTable:
 
 
 def as_tables(value: Any) -> Any:
-    """Return a list of tables, even if a single table is given.
+    """Return a list of tables. A single table becomes a list with one table.
 
-    A table that names files by `path` or `patches` gets the kind "file" unless it has another kind.
+    If a table has no `kind` but names files by `path` or `patches`, its kind is "file".
     """
     tables = [value] if isinstance(value, dict) else value
     if not isinstance(tables, (list, tuple)):
@@ -98,8 +98,8 @@ def _with_tables_for_methods(data: RawTable) -> RawTable:
     """Add the method if it is missing, and the table [stochastic] if one of the methods needs it.
 
     The default method is "stochastic". If the case asks for an accuracy but does not describe a whole seal, the default
-    is "deterministic". This is the case if there is no table [stochastic] and the seal is a strip, because the length
-    of a strip would be in this table. The method "auto" of earlier versions is replaced by "deterministic".
+    method is "deterministic". A strip without a table [stochastic] is not a whole seal, because this table would
+    contain its length. The method "auto" of earlier versions is replaced by "deterministic".
     """
     is_strip = data.get("seal", {}).get("kind", "rectangular") == "rectangular"
     has_accuracy = data.get("accuracy") is not None
@@ -142,19 +142,20 @@ def _with_present_keys(face: Any, warnings: list[str]) -> Any:
 def least_detrend(kind: object) -> int:
     """Return the lowest order of the form that must be removed from a measured surface for a seat of the given kind.
 
-    The order is 0 for the mean, 1 for the tilt and 2 for the curvature, as in `surface.detrend`. If the form of the
-    seat remained in the measured surface, it would count twice.
+    The order is 0 for the mean, 1 for the tilt and 2 for the curvature, as in `surface.detrend`. The form of the seat
+    is added to the surface later. If it also remained in the measured surface, it would be there twice.
     """
     return {"flat": 0, "tilted": 1}.get(str(kind), 2)
 
 
 def _with_detrending(data: RawTable) -> RawTable:
-    """Add `surface.detrend` for measured surfaces on a curved seat, unless the case gives it."""
+    """Add `surface.detrend` for a measured surface on a curved seat, unless the case has this key."""
     faces = data.get("face")
     is_measured = isinstance(faces, list) and any(
         isinstance(face, dict) and face.get("kind") == "file" for face in faces
     )
-    order = least_detrend(data.get("seat", {"kind": "flat"}).get("kind"))
+    seat = data.get("seat", {"kind": "flat"})
+    order = least_detrend(seat.get("kind"))
     if not is_measured or order < 2:
         return data  # the default removes the tilt anyway
     return data | {"surface": {"detrend": order} | data.get("surface", {})}
@@ -164,11 +165,11 @@ def _with_detrending(data: RawTable) -> RawTable:
 
 
 def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
-    """Convert the pressures of the fluid and the test fluid to absolute ones, and add the properties of named fluids.
+    """Convert the pressures of the fluid and the test fluid to absolute pressures, and add properties of named fluids.
 
-    Gauge pressures are relative to `ambient_pressure` in [fluid]. For the test fluid, an `ambient_pressure` in the
-    table of the test fluid replaces that in [fluid]. If a table has gauge pressures or an ambient pressure, its default
-    outlet pressure is the ambient pressure.
+    Gauge pressures are relative to the `ambient_pressure` in [fluid]. If the table of the test fluid has its own
+    `ambient_pressure`, it is used for the test fluid. If a table has gauge pressures or an ambient pressure, its
+    default outlet pressure is the ambient pressure.
     """
     data = dict(data)
     fluid = data.get("fluid")
@@ -192,7 +193,7 @@ def _with_absolute_pressures(fluid: RawTable, table_key: str, ambient: float | N
     ----------
     fluid : table of the fluid.
     table_key : key of the table in the case.
-    ambient : ambient pressure to use if the table has none [Pa]; None if the case does not give it.
+    ambient : ambient pressure [Pa] that is used if the table has none; None if the case does not give one.
     """
     ambient = unvalidated_value(fluid, "ambient_pressure", "Pa", ambient)
     keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in fluid]
@@ -219,14 +220,14 @@ def _absolute(value: Any, ambient: float | None, key: str) -> Any:
 
 
 def _complete_fluid(fluid: RawTable, table_key: str, warnings: list[str]) -> RawTable:
-    """Return the table of a fluid with its dynamic viscosity, and with the properties that its name stands for.
+    """Return the table of a fluid with its dynamic viscosity and, for a named fluid, with the missing properties.
 
     Parameters
     ----------
     fluid : table of the fluid.
     table_key : key of the table in the case.
-    warnings : list to which a warning is added for each value in the table that differs much from the property of the
-        named fluid.
+    warnings : list of warnings. A warning is added for each value in the table that differs considerably from the
+        property of the named fluid.
     """
     if "name" not in fluid:
         return _with_dynamic_viscosity(fluid, table_key)
@@ -258,13 +259,13 @@ def _complete_fluid(fluid: RawTable, table_key: str, warnings: list[str]) -> Raw
 
 
 def _units_of(kind: str) -> dict[str, str]:
-    """Return the units of those parameters of a kind of fluid that are quantities, by their names."""
+    """Return the unit of each parameter of a kind of fluid. Parameters without a unit are left out."""
     parameters = fields(FLUIDS[kind])
     return {field.name: field.metadata["unit"] for field in parameters if "unit" in field.metadata}
 
 
 def _properties_of(named: Any, kind: str) -> dict[str, Amount]:
-    """Return those properties of a named fluid that fluids of the given kind have as parameters."""
+    """Return the properties of a named fluid. Properties that a fluid of the given kind does not use are left out."""
     units = _units_of(kind)
     return {
         name: Amount(value, units[name])
@@ -276,14 +277,14 @@ def _properties_of(named: Any, kind: str) -> dict[str, Amount]:
 def _with_dynamic_viscosity(
     fluid: RawTable, table_key: str, named_density: float | None = None
 ) -> RawTable:
-    """Return the table of a fluid in which a kinematic viscosity is replaced by the dynamic viscosity.
+    """Return the table of a fluid. If it has a kinematic viscosity, replace it by the dynamic viscosity.
 
     Parameters
     ----------
     fluid : table of the fluid.
     table_key : key of the table in the case.
-    named_density : density of the named fluid [kg/m³], which is used if the table has no density; None for a fluid
-        without a name.
+    named_density : density of the named fluid [kg/m³]; it is used if the table has no density. None for a fluid without
+        a name.
 
     Raises
     ------
@@ -293,6 +294,7 @@ def _with_dynamic_viscosity(
     if kinematic is None:
         return fluid
     kind = fluid.get("kind", "liquid")
+    # all classes of gases, and only these, have a reference pressure
     is_gas = isinstance(kind, str) and hasattr(FLUIDS.get(kind), "reference_pressure")
     density = named_density
     if "density" in fluid:
@@ -308,13 +310,15 @@ def _with_dynamic_viscosity(
     if density is None or expected:
         raise InputError(f"{table_key}.viscosity", shown(fluid["viscosity"]), expected)
     dynamic = kinematic * density
-    return {**fluid, "viscosity": Amount(dynamic, "Pa*s")} if dynamic > 0 else fluid
+    if not dynamic > 0:
+        return fluid  # the validation reports the invalid value
+    return {**fluid, "viscosity": Amount(dynamic, "Pa*s")}
 
 
 def _temperature(fluid: RawTable, table_key: str) -> float:
     """Return the temperature of a named fluid [K], by default 20 °C.
 
-    The temperature is checked here, because the validation does not check it: the table of a liquid has no such key.
+    The temperature is checked here and not in the validation, because the table of a liquid has no such key.
     """
     if "temperature" not in fluid:
         return TABLE_TEMPERATURE
@@ -332,12 +336,12 @@ def _temperature(fluid: RawTable, table_key: str) -> float:
 def _odd_properties(
     table: RawTable, properties: dict[str, Amount], table_key: str
 ) -> Iterator[str]:
-    """Yield a warning for each value in a table that differs much from the property of the named fluid or solid.
+    """Yield a warning for each value that differs considerably from the property of the named fluid or solid.
 
     Parameters
     ----------
     table : table of the fluid or solid.
-    properties : properties that its name stands for.
+    properties : properties of the named fluid or solid.
     table_key : key of the table in the case.
     """
     for name, usual in properties.items():
@@ -357,15 +361,15 @@ def _odd_properties(
 
 
 def _complete_solid(solid: RawTable, table_key: str, folder: Path, warnings: list[str]) -> RawTable:
-    """Return the table of a solid with the properties that its name stands for, and the rows of its hardness table.
+    """Return the table of a solid. Add the properties of a named solid, and read the file of a hardness table.
 
     Parameters
     ----------
     solid : table of the solid.
     table_key : key of the table in the case.
     folder : folder to which the path of a hardness table is relative.
-    warnings : list to which a warning is added for each value in the table that differs much from the property of the
-        named solid.
+    warnings : list of warnings. A warning is added for each value in the table that differs considerably from the
+        property of the named solid.
     """
     table = dict(solid)
     path = table.get("hardness_table")
@@ -388,7 +392,9 @@ def _complete_solid(solid: RawTable, table_key: str, folder: Path, warnings: lis
     }
     properties = {name: Amount(value, _SOLID_UNITS[name]) for name, value in values.items()}
     warnings += _odd_properties(table, properties, table_key)
-    del properties["hardness"]  # it follows from the yield stress
+    del properties[
+        "hardness"
+    ]  # it was only needed for a warning, because it follows from the yield stress
     if "hardness" in table or "hardness_table" in table:
         del properties["yield_stress"]
     return properties | table

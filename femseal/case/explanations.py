@@ -1,7 +1,8 @@
-"""Translate the errors of pydantic's validation to errors that name the keys of the case file.
+"""Translate the errors that pydantic finds in a case into messages that name the keys of the case file.
 
-pydantic locates an error by a path of fields, positions in lists, and kinds of tables, such as
-("face", 0, "turned", "pitch"). The key in the file is "face.pitch", or "face.0.pitch" if there are two faces.
+pydantic describes the location of an error by a tuple such as ("face", 0, "turned", "pitch"). Its parts are names of
+fields, positions in lists, and kinds of tables. The key in the file is "face.pitch", or "face.0.pitch" if the case has
+two faces.
 """
 
 from __future__ import annotations
@@ -25,11 +26,11 @@ _LONGEST_KEY, _LONGEST_EXPLANATION = 40, 300
 
 
 def explain(error: ValidationError, data: dict[str, Any]) -> list[InputError]:
-    """Return an InputError for each error of a validation, without repetitions.
+    """Return an InputError for each error that pydantic has found. Errors with the same message are listed once.
 
     Parameters
     ----------
-    error : error that `Case.model_validate` has raised, which lists all errors.
+    error : error that `Case.model_validate` has raised. It lists all errors.
     data : tables that were validated.
     """
     by_message: dict[str, InputError] = {}
@@ -73,13 +74,13 @@ def _explain(error: dict[str, Any], data: dict[str, Any]) -> InputError:
 
 
 def _explain_input_error(key: str, value: Any, cause: InputError) -> InputError:
-    """Return the error that a validator has raised, with its key in the file.
+    """Return the error of a validator of femseal, with the key in the file.
 
     Parameters
     ----------
     key : key in the file.
     value : value that was validated.
-    cause : error of the validator.
+    cause : error that the validator has raised.
     """
     if cause.what:
         # such an error may have been raised by any function of the package, and may have a long explanation
@@ -129,23 +130,24 @@ def _known_keys(path: list[str], table: type[Table]) -> str:
 
 
 def _locate(location: tuple[Any, ...]) -> tuple[list[str], list[type[Table]]]:
-    """Follow the location of an error through the tables of a case.
+    """Find the key and the table of an error from its location.
 
     Parameters
     ----------
-    location : fields, positions in lists and kinds of tables, as pydantic gives them.
+    location : location of the error as pydantic gives it: names of fields, positions in lists, and kinds of tables.
 
     Returns
     -------
-    The parts of the dotted key, without the kinds of tables; and the class of the table that contains the key. If the
-    value of the key is a table itself, the classes for all its kinds are returned instead.
+    path : parts of the dotted key. The kinds of tables are left out, because they are not part of the key.
+    tables : class of the table that contains the key. If the value of the key is itself a table, these are instead the
+        classes of all kinds of this table.
     """
     path: list[str] = []
     tables: list[type[Table]] = [Case]
     for part in location:
         tables_of_kind = [table for table in tables if kind_of(table) == part]
         if tables_of_kind:
-            # this part of the location is no key, but the kind of the table
+            # this part of the location is not a key but the kind of the table
             tables = tables_of_kind
             continue
         path.append(shortened(part, _LONGEST_KEY))
@@ -156,10 +158,12 @@ def _locate(location: tuple[Any, ...]) -> tuple[list[str], list[type[Table]]]:
 
 
 def _as_in_file(path: list[str], data: Any) -> list[str]:
-    """Remove positions in lists that are not in the file.
+    """Remove the position 0 of a table from a dotted key if the file contains a single table instead of a list.
 
-    If a key can be one or several tables, such as [face], pydantic always states the position of the table in a list.
-    The position is removed if the file has a single table.
+    Keys such as [face] can be one table or several. pydantic always treats them as a list, and states the position of
+    the table in this list.
+
+    path : parts of the dotted key, with positions. data : tables of the case file.
     """
     result = []
     value = data

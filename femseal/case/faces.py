@@ -62,7 +62,7 @@ _CUT_OFF = "shortest wave of the roughness; 8 pixels unless given"
 
 
 class GeneratedFace(Table):
-    """Base of the surfaces that are generated from random numbers."""
+    """Base class of all surfaces that are generated from random numbers."""
 
     make_heights: ClassVar[Callable[..., Topography]]
     points: tuple[Count, Count] = key("number of points along x1 and x2", start=[256, 512])
@@ -84,7 +84,7 @@ class GeneratedFace(Table):
         cut_off: float | None
 
     def maps(self, folder: Path) -> list[GeneratedFace]:
-        """Return the tables of the maps of which the face consists; a generated surface is a single map."""
+        """Return the table of each map of the face. A generated surface is a single map."""
         return [self]
 
     def make(self, folder: Path, rng: np.random.Generator) -> FaceMap:
@@ -221,8 +221,8 @@ PatchTables = Annotated[
 class FileFace(MapFile):
     """A measured surface: one map, or several `patches`.
 
-    A key of the table applies to all patches, except to those whose own table has this key. `mirror`, `rotate` and
-    `shift` position the second of two faces on the first, see `topography.combined`.
+    The keys of the table apply to all patches. A patch with its own table can replace them. `mirror`, `rotate` and
+    `shift` position the second of two faces on the first one, see `topography.combined`.
     """
 
     kind: Literal["file"]
@@ -258,13 +258,13 @@ class FileFace(MapFile):
         return self.model_dump(include=_PLACEMENT, exclude_none=True)
 
     def maps(self, folder: Path) -> list[FileFace]:
-        """Return the tables of the maps of which the face consists: one for each patch, or the face itself.
+        """Return the table of each map of the face: one for each patch, or the table itself if there are no patches.
 
         A pattern of paths is replaced by the files that match it, in alphabetical order.
 
         Raises
         ------
-        InputError : there is no file, a file in addition to patches, or fewer than two patches.
+        InputError : the table has neither `path` nor `patches`, or both, or there are fewer than two patches.
         """
         if self.patches is None:
             if self.path is None:
@@ -285,7 +285,7 @@ class FileFace(MapFile):
         return maps
 
     def _patch(self, patch: MapFile, path: Path) -> FileFace:
-        """Return the table of a patch: the keys of the face, replaced by those of the patch if it has them."""
+        """Return the table of a patch. Its own keys replace those of the face."""
         keys = {name: getattr(patch, name) for name in patch.model_fields_set}
         return self.model_copy(update={**keys, "patches": None, "path": path})
 
@@ -294,7 +294,7 @@ class FileFace(MapFile):
 
         Raises
         ------
-        InputError : the file or the mask cannot be read. The error names the key before the path.
+        InputError : the file or the mask cannot be read. The error names the key and the path.
         """
         arguments = self.model_dump(exclude={"kind", "path", "patches", "mask", *_PLACEMENT})
         path = folder / (self.path or "")

@@ -1,8 +1,8 @@
-"""Raise errors in validators of a case in such a way that the key of each error can be determined.
+"""Raise errors in the validators of a case, so that every message can name the key of the case file.
 
-Validators raise an `InputError`, and pydantic records which table or key was validated. If the error concerns a table,
-its name is a key in this table: `InputError("inlet_pressure", …)`, raised while [fluid] is validated, concerns the key
-`fluid.inlet_pressure`. If the error concerns a single value, its name is empty.
+A validator raises an `InputError`, and pydantic records which value or table was validated. The validator of a table
+names the key inside the table: if the validator of [fluid] raises `InputError("inlet_pressure", …)`, the message
+names `fluid.inlet_pressure`. The validator of a single value need not name a key, and the first argument is empty.
 """
 
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ from ..base import InputError
 
 #: Fields of a case that are not keys of its file.
 INTERNAL = ("folder", "named_warnings")
-#: Descriptions of the expected value, in the words of TOML, by pydantic's name for the error.
+#: Description of the expected value in terms of TOML, for each type of error of pydantic.
 EXPECTED_TYPES = {
     "tuple_type": "a list in square brackets",
     "list_type": "a list in square brackets",
@@ -34,17 +34,17 @@ EXPECTED_TYPES = {
 
 
 def invalid_value(expected: str) -> InputError:
-    """Return an error about the value or the table that is validated, whose key pydantic records."""
+    """Return an error without a key. pydantic records the key of the value or table that is validated."""
     return InputError("", "", expected)
 
 
 @contextmanager
 def as_value_error(expected: str = "") -> Iterator[None]:
-    """Convert an InputError that is raised within this context to an error about the value that is validated.
+    """Remove the key from an InputError that is raised within this context, because pydantic records the key.
 
     Parameters
     ----------
-    expected : description of the expected value; by default the description in the error.
+    expected : description of the expected value; by default that of the original error.
     """
     try:
         yield

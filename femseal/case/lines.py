@@ -13,14 +13,14 @@ _UNQUOTED = re.compile(r"\s*([\w.-]+)\s*=\s*([-+]?[\d.][^\"'#\[\]{}]*?)\s*(?:#.*
 
 
 def with_line_numbers(error: InputError, text: str) -> InputErrors:
-    """Add to each error of a case the number of the line in which the file has its key or, without it, its table."""
+    """Add line numbers to the errors of a case: the line of the key or, if the key is missing, of its table."""
     line_of_key = dict(_lines_of_keys(text))
     errors = error.faults if isinstance(error, InputErrors) else (error,)
     return InputErrors([_with_line_number(fault, line_of_key) for fault in errors])
 
 
 def _with_line_number(error: InputError, line_of_key: dict[str, int]) -> InputError:
-    """Add the number of the line of its key to an error, or without such a line, that of the innermost table."""
+    """Add a line number to an error: the line of the key or, if that is unknown, of the innermost table."""
     key = error.what
     while key not in line_of_key:
         key, dot, _name = key.rpartition(".")
@@ -33,7 +33,7 @@ def _lines_of_keys(text: str) -> Iterator[tuple[str, int]]:
     """Yield the dotted names of all keys and tables of a TOML file with their line numbers.
 
     Tables in double brackets are numbered: the first table [[face]] is "face.0", the next one is "face.1". Keys inside
-    an inline table (in braces) are not included; their errors get the line of the inline table.
+    an inline table (in braces) are not included. Their errors get the number of the line with the inline table.
     """
     table = ""
     counts = Counter[str]()
@@ -59,7 +59,7 @@ def likely_meaning(text: str, message: str) -> str:
     Parameters
     ----------
     text : text of the file.
-    message : message of tomllib, which has the number of the line.
+    message : message of tomllib, which contains the number of the line.
     """
     position = re.search(r"at line (\d+)", message)
     is_repeated_key = "overwrite" in message

@@ -65,10 +65,10 @@ def _unit_of_load(value: Any) -> str | None:
 
 
 def _unusable_load(value: Any) -> InputError:
-    """Return the error for a value that is not a load.
+    """Return the error for a value that cannot be read as a load.
 
-    If the value cannot be read as a pressure for a more specific reason, such as a decimal comma, that error is
-    returned.
+    The general error says which loads are possible. If reading the value as a pressure gives a more specific error, for
+    example because of a decimal comma, the specific error is returned.
     """
     try:
         Quantity("Pa", lambda load: True, _EXPECTED_LOAD).read(value)
@@ -257,11 +257,11 @@ class LoadTable(Table):
 
     @property
     def _map_loads(self) -> list[float]:
-        """Loads at which the pressure maps apply, without maps that have no load."""
+        """Load of each pressure map. Maps without a load are left out."""
         return [table.at for table in self.map or () if table.at is not None]
 
     def pressures(self, area: float, length: float) -> dict[str, tuple[float, ...]]:
-        """Return the nominal pressures of the load cycle [Pa], as arguments of `LoadProgramme.of`.
+        """Return the nominal pressures of the load cycle [Pa], as keyword arguments for `LoadProgramme.of`.
 
         Parameters
         ----------
@@ -295,7 +295,7 @@ class LoadTable(Table):
         return MapsAtLoads(pressures, maps)
 
     def _pressure(self, load: float, area: float, length: float) -> float:
-        """Convert a load, whose unit is `unit`, to a nominal pressure [Pa]."""
+        """Convert a load of the table, in the unit `self.unit`, to a nominal pressure [Pa]."""
         return nominal_pressure(float(load), self.unit, area=area, length=length)
 
 

@@ -111,7 +111,7 @@ class OutputTable(Table):
 
     @property
     def valve(self) -> dict[str, float]:
-        """Volumes of a drop and a bubble, and rated capacity, as arguments of `base.leak_rates.LeakBasis`."""
+        """Volume of a drop, volume of a bubble, and rated capacity, as arguments for `base.leak_rates.LeakBasis`."""
         values = {
             "drop_volume": self.drop_volume,
             "bubble_volume": self.bubble_volume,

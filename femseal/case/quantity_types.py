@@ -95,7 +95,7 @@ class Quantity:
 
     @property
     def example(self) -> str:
-        """Example in `expected`, "" if it has none."""
+        """Example that `expected` contains in single quotes; "" if there is none."""
         return self.expected.partition("'")[2].partition("'")[0]
 
     def read(self, value: Any) -> float:
@@ -129,9 +129,9 @@ class Quantity:
 class UsualRange:
     """Annotate a quantity with the usual range of its values in SI units.
 
-    A value outside the range is valid, but leads to a warning, because its unit may be wrong. If an annotation has
-    several ranges with the same unit, the last one counts, so that a key can have a narrower range than its type. A
-    type that allows several units has a range for each of them.
+    A value outside the range is valid, but leads to a warning, because its unit may be wrong. If the annotation of a
+    key contains several ranges with the same unit, the last one is used. A key can therefore replace the range of its
+    type by a narrower one. If a type allows several units, it has a range for each unit.
     """
 
     low: float
@@ -175,7 +175,7 @@ def _read_channel(value: Any) -> int | str:
     is_number = isinstance(value, int) and not isinstance(value, bool)
     if is_number and 0 <= value <= _LARGEST_COUNT:
         return int(value)
-    raise invalid_value("the number of a channel, from 0, or its name")
+    raise invalid_value("the name of a channel, or its number, counted from 0")
 
 
 def _read_length_unit(value: Any) -> Any:

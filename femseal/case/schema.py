@@ -14,8 +14,8 @@ _DRAFT = "http://json-schema.org/draft-07/schema#"
 def case_schema() -> dict[str, Any]:
     """Return the JSON schema of case files, with their tables, their keys and the types of their values.
 
-    It conforms to draft 7, which editors support. Relations between keys and ranges of quantities are not part of the
-    schema; `load_case` checks them.
+    It conforms to draft 7, which editors support. The schema contains neither the ranges of quantities nor the
+    relations between keys, which only `load_case` checks.
     """
     schema = Case.model_json_schema(ref_template="#/definitions/{model}")
     schema["definitions"] = schema.pop("$defs")
@@ -35,7 +35,10 @@ def case_schema() -> dict[str, Any]:
 
 
 def _simplify(node: Any) -> Any:
-    """Simplify a schema recursively: remove null, which TOML does not have, and describe pairs as lists."""
+    """Simplify a schema recursively.
+
+    The value null is removed, because it does not exist in TOML. Pairs are described as lists.
+    """
     if isinstance(node, list):
         return [_simplify(item) for item in node]
     if not isinstance(node, dict):
@@ -77,6 +80,6 @@ def _without_null(node: dict[str, Any]) -> dict[str, Any]:
 
 
 def _description(*texts: str | None) -> dict[str, str]:
-    """Join texts, such as the meaning of a key and its possible values, to a description without repetition."""
+    """Join texts into a description, for example the meaning of a key and its possible values. Omit repeated texts."""
     different = dict.fromkeys(text for text in texts if text)
     return {"description": "; ".join(different)} if different else {}

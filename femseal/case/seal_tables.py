@@ -1,8 +1,8 @@
 """Define the tables [fluid], [seal] with its forms, and [seat] of a case.
 
 These tables are derived from registered classes. For every class in `fluids.FLUIDS`, `seal.layouts.LAYOUTS`,
-`seal.form.FORMS` and `topography.seat.SEATS` there is a table with a key for each of its parameters. This module lists
-only keys whose type is more specific than the type of the parameter.
+`seal.form.FORMS` and `topography.seat.SEATS` there is a table with a key for each parameter of the class. This module
+only lists the keys whose type is more specific than the type of the parameter.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class FluidTable(ParameterTable):
 
 
 def _keys_of_fluid(fluid: Any) -> dict[str, Any]:
-    """Return the keys of the table of a fluid that are not parameters of its class: its name and pressures."""
+    """Return the keys that the table of a fluid has in addition to the parameters of the fluid: name and pressures."""
     inlet = key(
         'pressure at the inlet, of a gas absolute; gauge pressures as `"99 bar(g)"`', start="1 MPa"
     )
@@ -82,6 +82,7 @@ def _keys_of_fluid(fluid: Any) -> dict[str, Any]:
         example="water",
         max_length=60,
     )
+    # the class of real gases has a parameter `name`, of which only the type is replaced
     is_parameter = "name" in fluid.__dataclass_fields__
     return {
         "inlet_pressure": (Annotated[Pressure, UsualRange(100.0, 2e9, "Pa")], inlet),
@@ -141,7 +142,7 @@ class SealTable(ParameterTable):
 
 
 def _read_lay(value: Any) -> Any:
-    """Check a lay, and return it as plain data in SI units.
+    """Check a lay, and return it in SI units. A spiral or an angle becomes a dictionary.
 
     If the lay is in a file, the value is returned unchanged, because the file is read later.
     """
@@ -174,7 +175,7 @@ _NAMES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type
 Boundaries = Annotated[
     str | tuple[str, ...], BeforeValidator(_read_boundaries), WithJsonSchema(_NAMES_SCHEMA)
 ]
-#: Types of keys that replace those of the parameters: for all shapes, and for meshes.
+#: Types of keys that are more specific than the types of the parameters: for all shapes, and for meshes.
 _KEYS_OF_SEALS: dict[str, Any] = {
     "lay": Annotated[Any, BeforeValidator(_read_lay), WithJsonSchema(_LAY_SCHEMA)],
     "unit": LengthUnit,
@@ -185,12 +186,12 @@ _KEYS_OF_MESHES: dict[str, Any] = {"inlet": Boundaries, "outlet": Boundaries}
 
 
 def _keys_of_seal(layout: Any) -> dict[str, Any]:
-    """Return the types of keys that replace those of the parameters of a layout."""
+    """Return the types of keys that are more specific than the types of the parameters of this layout."""
     return _KEYS_OF_SEALS | (_KEYS_OF_MESHES if layout is MeshLayout else {})
 
 
 def _strip_by_default(value: Any) -> Any:
-    """Add the kind of a strip to a table [seal] without a kind."""
+    """Add the kind of a strip to a table [seal] that has no kind."""
     return {"kind": RectangularLayout.kind, **value} if isinstance(value, dict) else value
 
 

@@ -62,7 +62,7 @@ HardnessRows = Annotated[
 
 
 def _check_ratio(table: CoatingTable | SolidTable) -> None:
-    """Raise an InputError if the ratio of hardness to yield stress is given, but no yield stress."""
+    """Raise an InputError if the table has a ratio of hardness to yield stress, but no yield stress."""
     if "hardness_over_yield" in table.model_fields_set and table.yield_stress is None:
         raise invalid_value("hardness_over_yield with a yield_stress")
 
@@ -103,7 +103,7 @@ class CoatingTable(Table):
 
     @model_validator(mode="after")
     def _check_strength(self) -> CoatingTable:
-        """Raise an InputError if two keys state the strength."""
+        """Raise an InputError if the table has both a yield stress and a hardness."""
         if self.yield_stress is not None and self.hardness is not None:
             raise invalid_value("yield_stress or hardness, not both")
         _check_ratio(self)
@@ -117,7 +117,7 @@ class CoatingTable(Table):
 
 
 class SolidTable(Table):
-    """A solid, see `materials.Solid`, and the law by which it yields."""
+    """A solid with its elastic constants, its hardness and its coating, see `materials.Solid`."""
 
     young: Modulus = key("Young's modulus", start="210 GPa", needed="without a `name`")
     poisson: Poisson = key("Poisson's ratio", 0.3, start=0.3)
@@ -179,7 +179,7 @@ class SolidTable(Table):
 
     @model_validator(mode="after")
     def _check_law(self) -> SolidTable:
-        """Raise an InputError if several keys state the strength, or if a hardness curve has no initial hardness."""
+        """Raise an InputError if keys about the hardness contradict each other, or if one of them is missing."""
         strengths = self._given("yield_stress", "hardness", "hardness_table")
         curves = self._given("hardening", "nix_gao_depth")
         for keys in (strengths, curves):
@@ -198,7 +198,7 @@ class SolidTable(Table):
         return self
 
     def _given(self, *keys: str) -> list[str]:
-        """Return those of the keys that have a value."""
+        """Return the names of those keys, out of the given ones, that have a value in the table."""
         return [key for key in keys if getattr(self, key) is not None]
 
     @property
@@ -218,7 +218,11 @@ class SolidTable(Table):
 
     @property
     def law(self) -> ContactLaw:
-        """The contact law of the body. A coating counts up to its thickness, and the solid beyond it."""
+        """The contact law of the solid with its coating.
+
+        The hardness of the coating applies to deformations up to its thickness. Deeper deformations have the hardness
+        of the solid.
+        """
         if self.coating is None:
             return self.law_of_solid
         layer = PerfectlyPlastic(_hardness_of(self.coating.solid))

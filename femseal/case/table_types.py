@@ -48,12 +48,12 @@ def key(
     ----------
     meaning : phrase that explains the key.
     default : value that is used if a case does not have the key; a key without a default is required.
-    start : value in a new case, as it is written in TOML.
-    example : value that a new case shows in a comment; by default the example of the quantity, or the default value.
-    since : first version of femseal with this key.
-    instead : other key of the same table, which this key can replace.
-    needed : phrase that states when the key is needed, if this is not clear from its table.
-    limits : limits of the value, as arguments of `pydantic.Field`.
+    start : value of the key in the file that `femseal new` writes, in TOML.
+    example : value that this file shows in a comment; by default the example of the quantity, or the default value.
+    since : version of femseal in which the key was introduced.
+    instead : another key of the same table that can be replaced by this key.
+    needed : phrase that says under which condition the key is needed.
+    limits : limits of the value, as arguments for `pydantic.Field`.
     """
     shown = example if start is None else start
     field: Any = Field  # type checkers do not accept `limits` for any of its overloads
@@ -67,7 +67,7 @@ def key(
 
 
 class Table(BaseModel):
-    """A table of a case file. Its keys are the fields; any other key is an error."""
+    """A table of a case file. The fields of the class are the keys of the table. Any other key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -78,7 +78,7 @@ class ParameterTable(Table):
     Attributes
     ----------
     makers : functions or classes that create the object, by kind.
-    is_checked : whether the validation creates the object in order to check the table.
+    is_checked : whether the object is created when the table is validated, so that its constructor checks the table.
     """
 
     if TYPE_CHECKING:
@@ -92,7 +92,7 @@ class ParameterTable(Table):
         Parameters
         ----------
         folder : folder to which paths in the table are relative.
-        others : parameters that replace those of the table.
+        others : further parameters. They replace the values of the table.
         """
         maker = self.makers[self.kind]
         parameters = {
@@ -119,16 +119,17 @@ def table_for_each(
     base: type[Table],
     other_keys: Callable[[Any], dict[str, Any]] = lambda cls: {},
 ) -> Any:
-    """Make a table for each registered class, and return the union type of these tables.
+    """Make a table class for each registered class, and return the union of these table classes as a type.
 
-    pydantic chooses the table of the union by the key `kind`.
+    When a case is validated, pydantic chooses the table class by the key `kind`.
 
     Parameters
     ----------
-    classes : frozen dataclasses by their kinds. Their quantities are declared by `base.validate.parameter`.
+    classes : frozen dataclasses by their kinds. Their fields are declared by `base.validate.parameter`.
     base : base class of the tables.
-    other_keys : function that takes a class and returns a dictionary. An entry with the name of a field of the class
-        replaces the type of this field. Any other entry is a further key of the table, as a pair of a type and a `key`.
+    other_keys : function that takes a registered class and returns a dictionary of types. If the name of an entry is a
+        field of the class, the type replaces the type of this field. Otherwise the table gets a further key with this
+        name, and the value of the entry is a pair: the type of the key, and its declaration by `key`.
     """
     tables = [_create_table(kind, cls, base, other_keys(cls)) for kind, cls in classes.items()]
     return Annotated[reduce(or_, tables), Field(discriminator="kind")]
@@ -141,7 +142,10 @@ _KEY_ARGUMENTS = ("meaning", "example", "since", "instead", "needed")
 def _create_table(
     kind: str, cls: Any, base: type[Table], other_keys: dict[str, Any]
 ) -> type[Table]:
-    """Create the table for a registered dataclass, with a key for each field of the dataclass."""
+    """Create the table class for a registered dataclass, with a key for each field of the dataclass.
+
+    kind : value of the key `kind`. cls : the dataclass. base, other_keys : see `table_for_each`.
+    """
     types = get_type_hints(cls) | other_keys
     keys: dict[str, Any] = {"kind": (Literal[kind], ...)}
     # keyword-only parameters come last, because they are less important
@@ -152,7 +156,8 @@ def _create_table(
         }
         value_type = _annotated(types[field.name], field.metadata)
         keys[field.name] = value_type, key(default=default, **arguments)
-    keys |= {name: pair for name, pair in other_keys.items() if isinstance(pair, tuple)}
+    # pairs of a type and a declaration are further keys; all other entries have replaced types above
+    keys |= {name: entry for name, entry in other_keys.items() if isinstance(entry, tuple)}
     name = f"{cls.__name__}Table"
     # the docstring "Describe a straight strip." becomes "A straight strip."
     summary = (cls.__doc__ or "").split("\n\n")[0].removeprefix("Describe ")
@@ -190,7 +195,7 @@ def files_in(table: Table, table_key: str = "") -> Iterator[tuple[str, Path]]:
 
 
 def makers_in(table: Table) -> Iterator[Callable[..., Any]]:
-    """Yield the registered functions or classes that create the objects of a table and of the tables inside it."""
+    """Yield the function or class that creates the object of a table, and those of all tables inside the table."""
     if isinstance(table, ParameterTable):
         yield table.makers[table.kind]
     for _name, value in table:
@@ -225,22 +230,24 @@ def unusual_values(table: Table, table_key: str = "") -> Iterator[str]:
 def _values_outside(values: list[Any], field: FieldInfo) -> list[tuple[float, UsualRange]]:
     """Return the values of a key that are outside their usual range, each with its range.
 
-    A value of 0 is always usual.
+    The value 0 never leads to a warning.
     """
     annotations = (*type_parts(field.annotation), *field.metadata)
     ranges = {part.unit: part for part in annotations if isinstance(part, UsualRange)}
-    # only the values of keys with several units know their unit, see `Amount`
+    # If a key allows several units, its values are of the class `Amount`, with an attribute `unit`. Otherwise they are
+    # plain numbers, and the key has a single range.
     only_unit = next(iter(ranges)) if len(ranges) == 1 else None
     outside = []
     for value in values:
-        usual = ranges.get(getattr(value, "unit", only_unit))  # type: ignore[arg-type]
+        unit = getattr(value, "unit", only_unit)
+        usual = ranges.get(unit)  # type: ignore[arg-type]
         if usual is not None and value and not usual.low <= value <= usual.high:
             outside.append((value, usual))
     return outside
 
 
 def _flattened(value: Any) -> Iterator[Any]:
-    """Yield all values in nested tuples, or the value itself if it is not a tuple."""
+    """Yield all values inside nested tuples. A value that is not a tuple is yielded itself."""
     if isinstance(value, tuple):
         for item in value:
             yield from _flattened(item)

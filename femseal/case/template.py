@@ -1,7 +1,7 @@
 """Write the text of a new case, and look up properties of the keys of a case.
 
-A new case shows every key with a value or an example, which `table_types.key` declares. Error messages and the
-documentation of all keys use the same functions.
+A new case shows every key with a value or an example, which `table_types.key` declares. The functions that look up
+properties of keys are also used for error messages and for the documentation of all keys.
 """
 
 import json
@@ -62,7 +62,7 @@ def keys_of(table: type[Table]) -> dict[str, FieldInfo]:
 
 
 def declared(field: FieldInfo, argument: str) -> Any:
-    """Return the argument with which `table_types.key` has declared a key, None if the argument was not given."""
+    """Return an argument from the declaration of a key by `table_types.key`; None if it was not given."""
     extra = field.json_schema_extra
     return extra.get(argument) if isinstance(extra, dict) else None
 
@@ -87,7 +87,10 @@ def choices(field: FieldInfo) -> list[Any]:
 
 
 def quantity_of(field: FieldInfo) -> Quantity | None:
-    """Return the quantity in the type of a key; None if there is none, or if there are several with different units."""
+    """Return the quantity that describes the values of a key: their unit, their limits and an example.
+
+    It is None if the type of the key has no quantity, or several quantities with different units.
+    """
     annotations = (*field.metadata, *type_parts(field.annotation))
     quantities = [part for part in annotations if isinstance(part, Quantity)]
     units = {quantity.unit for quantity in quantities}
@@ -107,7 +110,7 @@ def kind_of(table: type[Table]) -> str | None:
 
 
 def summary(table: type[Table]) -> str:
-    """Return the phrase at the beginning of the docstring of a table, which says what the table describes."""
+    """Return the first phrase of the docstring of a table class. It says what the table describes."""
     text = " ".join((table.__doc__ or "").split())
     text = text[:1].lower() + text[1:]
     for end in (":", ";", ".", ", see"):
@@ -116,7 +119,7 @@ def summary(table: type[Table]) -> str:
 
 
 def _is_active(field: FieldInfo) -> bool:
-    """Return whether a key is in a new case without a comment sign before it."""
+    """Return whether a new case contains the key itself, and not only a comment with the key."""
     return field.is_required() or declared(field, "start") is not None
 
 
@@ -140,35 +143,44 @@ def case_template(case: type[Table]) -> str:
 
 @cache
 def table_to_paste(case: type[Table], name: str) -> str:
-    """Return the text of a table that a case requires, without comments; "" if the key is not a required table."""
+    """Return the text of a required table with example values, so that the user can paste it into a case.
+
+    It is "" if the key `name` is not a required table.
+    """
     field = keys_of(case)[name]
     tables = tables_in(field)
     if not tables or not field.is_required():
         return ""
-    pairs = [_pair(key, example(f)) for key, f in keys_of(tables[0]).items() if _is_active(f)]
+    pairs = []
+    for key, key_field in keys_of(tables[0]).items():
+        if _is_active(key_field):
+            pairs.append(_pair(key, example(key_field)))
     return "\n".join([f"[{name}]", *pairs])
 
 
 def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> Iterator[str]:
-    """Yield the text of a table, one block for each of its kinds, and then the text of the tables inside it.
+    """Yield the text of a table: one block for each kind of the table, and then the blocks of the tables inside it.
 
     Parameters
     ----------
     name : dotted key of the table.
     field : declaration of this key.
-    written : classes of tables that have been written before, whose optional keys are not repeated. The classes of this
-        table are added to the list.
+    written : classes of the tables whose blocks have been written before under another key. If one of them is written
+        again, its optional keys are left out. The classes of this table are added to the list.
     """
-    tables = tables_in(field)
-    explained: set[tuple[str, str | None]] = set()  # keys and meanings in the blocks of other kinds
+    tables = tables_in(field)  # one class for each kind
+    explained: set[tuple[str, str | None]] = (
+        set()
+    )  # keys and meanings in the blocks of earlier kinds
     for number, table in enumerate(tables):
         is_repeated = table in written
-        # The block is written without comment signs if the table is required (only its first kind), or if it has a
-        # single kind with keys that are written in this way.
+        # A block is active if it is written without comment signs. There are two such blocks: the first kind of a
+        # required table, and a table of a single kind that has active keys.
         is_first_of_required = number == 0 and field.is_required()
         has_active_keys = any(map(_is_active, keys_of(table).values()))
-        is_only_kind = len(tables) == 1
-        is_active = (is_first_of_required or (is_only_kind and has_active_keys)) and not is_repeated
+        is_only_kind_with_active_keys = len(tables) == 1 and has_active_keys
+        should_be_active = is_first_of_required or is_only_kind_with_active_keys
+        is_active = should_be_active and not is_repeated
         heading = (field.description or "") if number == 0 else ""
         rows = [_line(f"[{name}]", heading, is_active)]
         for key, inner in keys_of(table).items():
@@ -180,9 +192,11 @@ def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> It
                 rows.append(_row(key, inner, is_active, meaning))
         yield "".join(rows)
         explained |= {(key, inner.description) for key, inner in keys_of(table).items()}
-    # the tables inside this one, unless they have been written before
     if tables and tables[0] not in written:
-        inner_keys = {key: inner for table in tables for key, inner in keys_of(table).items()}
+        # the blocks of the tables inside this one, each of them once for all kinds
+        inner_keys: dict[str, FieldInfo] = {}
+        for table in tables:
+            inner_keys |= keys_of(table)
         for key, inner in inner_keys.items():
             if _has_own_block(inner):
                 yield from _table_blocks(f"{name}.{key}", inner, written)
@@ -190,7 +204,7 @@ def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> It
 
 
 def _has_own_block(field: FieldInfo) -> bool:
-    """Return whether a key is a table that is written as a separate block, and not in a line with an example."""
+    """Return whether a table is written as a separate block, [name], and not as an inline table in a single line."""
     return bool(tables_in(field)) and not field.examples
 
 

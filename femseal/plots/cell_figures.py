@@ -31,6 +31,10 @@ _AXES_HEIGHT, _LOADS_HEIGHT = 2.3, 0.62
 _MOST_VECTOR_POINTS = 2000
 #: Width of the label of a load that is upright [inch].
 _LABEL_WIDTH = 0.115
+#: Distance of the bar with the colours of the loads from the panel, and its height [inch].
+_LOAD_BAR_DISTANCE, _LOAD_BAR_HEIGHT = 0.02, 0.075
+#: Width of a character in the labels of this bar [inch].
+_CHARACTER_WIDTH = 0.07
 #: The axis of pressures is linear below this fraction of the lowest load, so that it begins at 0.
 _LINEAR_FRACTION = 0.2
 #: Markers and line styles of the branches: the loading, and the unloadings from the highest peak on.
@@ -50,7 +54,8 @@ class _CellValues:
     mean_gap : mean gap of each cell, (states, cells) [m].
     pressure : mean contact pressure of each cell, (states, cells) [Pa].
     nominal_pressure : nominal pressure of each state, (states,) [Pa].
-    peaks : nominal pressure from which each state is unloaded, NaN on loading, (states,) [Pa].
+    peaks : for each state of an unloading, the nominal pressure from which the seal is unloaded, (states,) [Pa]; NaN on
+        loading.
     """
 
     permeability: Array
@@ -61,12 +66,12 @@ class _CellValues:
 
     @property
     def branches(self) -> list[tuple[str, Indices]]:
-        """Name and state indices of each branch. An unloading begins with the state at its peak."""
+        """Name and state indices of each branch. An unloading begins with the state from which the seal is unloaded."""
         return branches(self.nominal_pressure, self.peaks)
 
     @property
     def loads(self) -> Array:
-        """All different nominal pressures of the states, in increasing order [Pa]."""
+        """Nominal pressures of all states, without repetition and in increasing order [Pa]."""
         return np.unique(self.nominal_pressure)
 
     @property
@@ -81,8 +86,8 @@ def cells_figure(results: Results) -> Figure:
 
     Sealed cells are left out, and so are cells whose permeability is less than a millionth of the highest one. The line
     in the first panel is the permeability h̄³/12 of parallel plates, which cells with wide gaps approach. The lines in
-    the second panel are the medians of the open cells at each load. For a stochastic run, the cells are those from
-    which the realisations choose; for a two-scale run, they are the cells of the surface at each load.
+    the second panel are the medians of the open cells at each load. For a stochastic run, the picture shows all cells
+    that a realisation can contain. For a two-scale run, it shows the cells of the surface at each load.
 
     Parameters
     ----------
@@ -102,17 +107,14 @@ def cells_figure(results: Results) -> Figure:
     panel_height = _AXES_HEIGHT + LINES.top + LINES.bottom
     sheet = Sheet([panel_height] * 2, head=_LOADS_HEIGHT)
     gap_axes = sheet.panel(0, LINES)
-    gap_axes.set_xlabel(r"mean gap $\bar h$ of the cell [µm]")
-    _draw_cells(gap_axes, cells, cells.mean_gap * 1e6, with_parallel_plates=True)
-    pressure_axes = sheet.panel(1, LINES)
-    pressure_axes.set_xlabel("mean contact pressure of the cell [MPa]")
-    _draw_cells(pressure_axes, cells, cells.pressure / 1e6, with_parallel_plates=False)
+    _draw_over_gap(gap_axes, cells)
+    _draw_over_contact_pressure(sheet.panel(1, LINES), cells)
     _add_load_bar(gap_axes, cells, results)
     return sheet.figure
 
 
 def _add_load_bar(axes: Axes, cells: _CellValues, results: Results) -> None:
-    """Draw a bar above the axes with the colour of each load, and labels of the loads as far as there is room."""
+    """Draw a bar above the axes with the colours of the loads. As many loads are labelled as there is room for."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
@@ -121,28 +123,35 @@ def _add_load_bar(axes: Axes, cells: _CellValues, results: Results) -> None:
     if force is not None:
         name, scale = f"force [{force.unit}]", force.per_pascal
     count = len(cells.loads)
-    norm = BoundaryNorm(np.arange(count + 1) - 0.5, count)
+    norm = BoundaryNorm(
+        np.arange(count + 1) - 0.5, count
+    )  # load n has the colours from n - 1/2 to n + 1/2
     figure = figure_of(axes)
     width, height = axes.get_position().size * figure.get_size_inches()
-    bar_axes = axes.inset_axes((0.0, 1 + (LINES.top + 0.02) / height, 1.0, 0.075 / height))
+    # left, bottom, width and height, as fractions of the axes
+    bottom = 1 + (LINES.top + _LOAD_BAR_DISTANCE) / height
+    bar_axes = axes.inset_axes((0.0, bottom, 1.0, _LOAD_BAR_HEIGHT / height))
     bar = figure.colorbar(
         ScalarMappable(norm, ListedColormap(cells.colours)), cax=bar_axes, orientation="horizontal"
     )
     # every first, second, third, … load is labelled, beginning with the highest
     every = int(np.ceil(count * _LABEL_WIDTH / width))
-    labelled = np.arange(count)[::-every][::-1]
+    labelled = np.arange(count)[::-every][
+        ::-1
+    ]  # indices of the labelled loads, in increasing order
     labels = [f"{scale * load:.4g}" for load in cells.loads[labelled]]
     bar.set_ticks(labelled, labels=labels)
     bar_axes.minorticks_off()
     bar_axes.xaxis.set_ticks_position("top")
     bar_axes.xaxis.set_label_position("top")
-    is_crowded = max(map(len, labels)) * 0.07 > width * every / count
+    longest_label = _CHARACTER_WIDTH * max(map(len, labels))  # inch
+    is_crowded = longest_label > width * every / count
     bar_axes.tick_params(labelrotation=90 if is_crowded else 0)
     bar.set_label(name)
 
 
 def _cell_values(results: Results) -> _CellValues:
-    """Collect the values of all cells of a run; raise an InputError if the run has no cells."""
+    """Collect the values of all cells of a run. Raise an InputError if the run has no cells."""
     data = results.dataset
     if "state_k1" in data:
         prefix = "state"
@@ -157,7 +166,7 @@ def _cell_values(results: Results) -> _CellValues:
         raise InputError("cells figure", "results without cells", expected)
 
     def by_state(name: str) -> Array:
-        """Return a variable of all cells as an array (state, cell)."""
+        """Return the values of a variable as an array (state, cell)."""
         values = data[f"{prefix}_{name}"].values  # (state, row, column)
         return np.asarray(values.reshape(len(values), -1))
 
@@ -170,61 +179,79 @@ def _cell_values(results: Results) -> _CellValues:
     )
 
 
-def _draw_cells(axes: Axes, cells: _CellValues, x: Array, *, with_parallel_plates: bool) -> None:
-    """Draw a point for each open cell in each state, and a legend of the branches.
+def _draw_over_gap(axes: Axes, cells: _CellValues) -> None:
+    """Draw the permeability of the cells against their mean gap, and the permeability of parallel plates as a line."""
+    axes.set_xlabel(r"mean gap $\bar h$ of the cell [µm]")
+    gap = cells.mean_gap * 1e6  # µm, (state, cell)
+    with np.errstate(invalid="ignore"):
+        is_drawn = _are_permeable(cells) & (gap > 0)
+    _begin_panel(axes, is_drawn)
+    if not is_drawn.any():
+        return
+    handles = _draw_points(axes, cells, gap, is_drawn)
+    plates = _draw_parallel_plates(axes, (gap[is_drawn].min(), gap[is_drawn].max()))
+    drawn_permeability = cells.permeability[is_drawn]
+    highest = max(drawn_permeability.max(), plates.get_ydata()[-1])
+    _set_permeability_axis(axes, drawn_permeability.min(), highest)
+    axes.legend(handles=[*handles, plates], loc="lower right")
 
-    Parameters
-    ----------
-    axes : Axes
-        Axes to draw into.
-    cells : _CellValues
-        Permeability of the cells, load and branch of each state.
-    x : array (states, cells)
-        Position of each point along the horizontal axis.
-    with_parallel_plates : bool
-        Whether `x` is the mean gap [µm] or the contact pressure [MPa]. With the gap, the permeability of parallel
-        plates is drawn too, and cells whose mean gap is zero are left out. With the pressure, the medians at each load
-        are drawn.
-    """
-    axes.set_ylabel("permeability $k_1$ towards the outlet [m³]")
-    add_grid(axes)
+
+def _draw_over_contact_pressure(axes: Axes, cells: _CellValues) -> None:
+    """Draw the permeability of the cells against their contact pressure, and the medians at each load as lines."""
+    axes.set_xlabel("mean contact pressure of the cell [MPa]")
+    pressure = cells.pressure / 1e6  # MPa, (state, cell)
+    is_drawn = _are_permeable(cells)
+    _begin_panel(axes, is_drawn)
+    if not is_drawn.any():
+        return
+    point_handles = _draw_points(axes, cells, pressure, is_drawn)
+    median_handles = _draw_medians(axes, cells, is_drawn)
+    lowest_load = cells.loads[cells.loads > 0].min() / 1e6
+    axes.set_xscale("symlog", linthresh=_LINEAR_FRACTION * lowest_load, linscale=0.5)
+    axes.set_xlim(0, pressure[is_drawn].max() * 1.2)
+    _label_pressures(axes)
+    drawn_permeability = cells.permeability[is_drawn]
+    _set_permeability_axis(axes, drawn_permeability.min(), drawn_permeability.max())
+    # the points need no legend here if there are medians, because the panel above explains them
+    axes.legend(handles=median_handles or point_handles, loc="lower left")
+
+
+def _are_permeable(cells: _CellValues) -> Flags:
+    """Return whether the permeability of each cell is not much below the highest one, (state, cell)."""
     k = cells.permeability
     with np.errstate(invalid="ignore"):
-        is_drawn = k > np.nanmax(k, initial=0.0) * 10.0**-_PERMEABILITY_DECADES
-        if with_parallel_plates:
-            is_drawn &= x > 0
+        return np.asarray(k > np.nanmax(k, initial=0.0) * 10.0**-_PERMEABILITY_DECADES)
+
+
+def _begin_panel(axes: Axes, is_drawn: Flags) -> None:
+    """Label the permeability axis, and draw the grid. If no cell is drawn, write that all cells are sealed."""
+    axes.set_ylabel("permeability $k_1$ towards the outlet [m³]")
+    add_grid(axes)
     if not is_drawn.any():
         style: Any = {"xycoords": "axes fraction", "ha": "center", "color": GREY}
         axes.annotate("every cell is sealed", (0.5, 0.5), **style)
-        return
-    handles = _draw_points(axes, cells, x, is_drawn)
-    highest = k[is_drawn].max()
-    if with_parallel_plates:
-        handles += _draw_parallel_plates(axes, (x[is_drawn].min(), x[is_drawn].max()))
-        highest = max(highest, handles[-1].get_ydata()[-1])
-    else:
-        # the first panel explains the points
-        handles = _draw_medians(axes, cells, is_drawn) or handles
-        lowest_load = cells.loads[cells.loads > 0].min() / 1e6
-        axes.set_xscale("symlog", linthresh=_LINEAR_FRACTION * lowest_load, linscale=0.5)
-        axes.set_xlim(0, x[is_drawn].max() * 1.2)
-        _label_pressures(axes)
-    lowest = k[is_drawn].min()
+
+
+def _set_permeability_axis(axes: Axes, lowest: float, highest: float) -> None:
+    """Set the range of the permeability axis, which is logarithmic."""
     axes.set(yscale="log", ylim=(lowest / _PERMEABILITY_MARGIN, highest * _PERMEABILITY_MARGIN))
     label_decades(axes.yaxis)
-    axes.legend(handles=handles, loc="lower right" if with_parallel_plates else "lower left")
 
 
 def _draw_points(axes: Axes, cells: _CellValues, x: Array, is_drawn: Flags) -> list[Any]:
-    """Draw the points of all states, and return handles for a legend of the branches."""
+    """Draw a point for each open cell in each state, and return handles for a legend of the branches.
+
+    x : position of each point along the horizontal axis, (state, cell).
+    """
     from matplotlib.lines import Line2D
 
-    state_colours = np.array(cells.colours)[np.searchsorted(cells.loads, cells.nominal_pressure)]
+    load_of_state = np.searchsorted(cells.loads, cells.nominal_pressure)  # index of the load
+    state_colours = np.array(cells.colours)[load_of_state]
     handles: list[Any] = []
     for number, (name, states) in enumerate(cells.branches):
         is_filled = number == 0  # on loading
         marker = _MARKERS[number % len(_MARKERS)]
-        # an unloading begins with its peak, which has been drawn as a state of the loading
+        # the first state of an unloading is also a state of the loading, and has already been drawn
         states = states if is_filled else states[~np.isnan(cells.peaks[states])]
         for state in states:
             points = is_drawn[state]
@@ -246,19 +273,19 @@ def _draw_points(axes: Axes, cells: _CellValues, x: Array, is_drawn: Flags) -> l
     return handles
 
 
-def _draw_parallel_plates(axes: Axes, gaps_um: Pair) -> list[Any]:
-    """Draw the permeability of parallel plates over a range of gaps [µm], to which the axis is set."""
+def _draw_parallel_plates(axes: Axes, gaps_um: Pair) -> Any:
+    """Draw the permeability of parallel plates over a range of gaps [µm], and set the axis to this range."""
     gap_um = np.geomspace(gaps_um[0] / 1.1, gaps_um[1] * 1.1, 50)
     plates = cubic_law(gap_um * 1e-6)
     label = r"parallel plates, $\bar h^3/12$"
     (line,) = axes.plot(gap_um, plates, color="black", lw=1.0, label=label)
     axes.set(xscale="log", xlim=(gap_um[0], gap_um[-1]))
     label_decades(axes.xaxis)
-    return [line]
+    return line
 
 
 def _draw_medians(axes: Axes, cells: _CellValues, is_drawn: Flags) -> list[Any]:
-    """Draw the median of the open cells at each load against the nominal pressure, with a line for each branch."""
+    """Draw the median permeability of the open cells against the nominal pressure, with a line for each branch."""
     from matplotlib.patheffects import withStroke
 
     handles = []

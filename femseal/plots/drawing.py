@@ -39,7 +39,7 @@ LEGEND_LINE = 0.155
 
 @dataclass(frozen=True)
 class Margins:
-    """Hold the space around the axes of a panel [inch]."""
+    """Hold the widths of the margins around the axes of a panel [inch]."""
 
     left: float
     right: float
@@ -56,7 +56,7 @@ MAP = Margins(0.5, 0.12, 0.4, 0.52)
 
 
 class Sheet:
-    """Make a figure whose panels are stacked at fixed positions. If there are several, each has a letter.
+    """Make a figure whose panels are stacked at fixed positions. Several panels are labelled (a), (b), …
 
     The automatic layout of matplotlib is not used, because it draws every figure twice.
 
@@ -100,7 +100,7 @@ class Sheet:
 
 
 def figure_of(axes: Axes) -> Figure:
-    """Return the figure that contains some axes."""
+    """Return the figure to which the axes belong."""
     return axes.get_figure(root=True)  # type: ignore[return-value]
 
 
@@ -192,7 +192,10 @@ def set_load_axis(axes: Axes, loads: Array) -> None:
 
 
 def _place_load_labels(axes: Axes, loads: Array) -> None:
-    """Turn and move the labels of the ticks at increasing loads, so that they do not touch each other."""
+    """Rotate and move the labels of the loads, so that they do not touch each other.
+
+    loads : loads of the ticks, in increasing order.
+    """
     from matplotlib.transforms import ScaledTranslation
 
     figure = figure_of(axes)
@@ -207,7 +210,8 @@ def _place_load_labels(axes: Axes, loads: Array) -> None:
     moved = positions
     if is_upright:
         height = _LABEL_HEIGHT * font_size
-        # if there is no room for all labels, only every second, third, … load is labelled, beginning with the highest
+        # If there is no room for all labels, only every second, third, … load is labelled, beginning with the highest.
+        # The row of labels may be 10 % longer than the axis.
         every = int(np.ceil(height * loads.size / (1.1 * width)))
         texts = [f"{load:.4g}" if n % every == 0 else "" for n, load in enumerate(loads[::-1])]
         axes.set_xticklabels(texts[::-1])
@@ -258,7 +262,7 @@ def shown(figure: Figure) -> Figure:
 
 
 def _show_in_notebook(figure: Figure) -> None:
-    """Show a figure that is the last value of a notebook cell, and close it so that pyplot does not show it again."""
+    """Display a figure below the notebook cell that returns it. Close it, so that pyplot does not show it again."""
     from IPython.display import display
     from matplotlib import pyplot
 
@@ -270,14 +274,15 @@ def _show_in_notebook(figure: Figure) -> None:
 
 @singledispatch
 def _draw(result: Any) -> Figure:
-    """Raise an InputError, because no function is registered that draws results of this class."""
+    """Raise an InputError, because no drawing function is registered for results of this class."""
     raise InputError("plot", f"a {type(result).__name__}", "a result that has a picture")
 
 
 def shows(result_class: type) -> Callable[[Callable[..., Figure]], Callable[..., Figure]]:
-    """Make a decorator for a function that draws the picture of a class of results, in the style of all pictures.
+    """Return a decorator that registers a drawing function for a class of results.
 
-    The arguments of the function after the result are the options of `plot()`.
+    The function then draws in the style of femseal when `plot()` is called for a result of this class. Its first
+    argument is the result. Its further arguments are options of `plot()`.
     """
 
     def register(draw: Callable[..., Figure]) -> Callable[..., Figure]:

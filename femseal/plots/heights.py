@@ -225,7 +225,7 @@ def survey_figure(
     detrend: int | None = None,
     spikes: float = SPIKES,
 ) -> Figure:
-    """Draw the survey of a measured face: map, histogram of heights, and two spectral densities.
+    """Draw a measured face: a map of its heights, their distribution, and two spectral densities.
 
     Parameters
     ----------
@@ -244,8 +244,9 @@ def survey_figure(
     -------
     Figure
     """
-    without_spikes = topography.without_spikes(spikes)
+    without_spikes = topography.without_spikes(spikes)  # spikes are undefined points here
     is_spike = np.isnan(without_spikes.heights) & ~np.isnan(topography.heights)
+    # the map and the histogram show the heights as measured; for the spectra, spikes are removed and gaps are filled
     measured = topography
     if topography.undefined_fraction < 1:
         measured = topography.detrend(detrend)
@@ -304,7 +305,8 @@ def _draw_radial_density(
 ) -> None:
     """Draw the spectral density averaged over directions.
 
-    The fitted power law, the shortest wave that was measured and the shortest wave that a run keeps are marked.
+    Three results are marked: the fitted power law, the shortest measured wave, and the shortest wave that the filter of
+    a run keeps.
     """
     q, density = complete.radial_psd()
     is_drawn = (q > 0) & (density > density.max(initial=0.0) * 1e-14)

@@ -74,7 +74,9 @@ def study_figure(
     """
     pressure, peaks = pressures_and_peaks(study.steps)
     scale = _readable_scale(study.leakage)
-    curves = LeakageCurves(pressure, peaks, study.leakage, study.method, scale=scale)
+    curves = LeakageCurves(
+        pressure=pressure, peaks=peaks, leakage=study.leakage, title=study.method, scale=scale
+    )
     return _draw_curves(curves, ax, label)
 
 
@@ -106,10 +108,10 @@ def realisations_figure(
     median = study.quantile(0.5)
     pressure, peaks = pressures_and_peaks(study.steps)
     curves = LeakageCurves(
-        pressure,
-        peaks,
-        median,
-        "median of the realisations",
+        pressure=pressure,
+        peaks=peaks,
+        leakage=median,
+        title="median of the realisations",
         band=band,
         band_name=_scatter_name(low, high),
         scale=_readable_scale(median),
@@ -226,7 +228,7 @@ def _class_limits(data: xarray.Dataset) -> dict[str, float]:
 
 
 def _method_title(results: Results) -> str:
-    """Return the name of the main curve of a run, which is that of its best method."""
+    """Return the name of the method whose leakage the main curve of a run shows."""
     return "median of the realisations" if results.method == "median" else results.method
 
 
@@ -242,10 +244,10 @@ def _readable_scale(leakage: Array) -> tuple[float, str]:
 
 
 def _run_scale(results: Results) -> tuple[float, str]:
-    """Return the value of the leakage unit of a run in m²/s, and the name of the axis.
+    """Return the value of the leakage unit of a run [m²/s], and the name of the leakage axis.
 
-    The name also states the pressure to which the volume of a gas refers, and the direction of the flow if it is from
-    outlet to inlet.
+    For a gas, the name also contains the pressure at which its volume is measured. If the fluid flows from the outlet
+    to the inlet, the name says so.
     """
     unit, factor = results.leak_scale
     attrs = results.dataset.attrs

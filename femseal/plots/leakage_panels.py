@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array, Indices
-from ..results.load_steps import branches
+from ..results.load_steps import ForceScale, branches
 from .drawing import add_grid, label_decades, set_load_axis
 from .style import GREY, branch_styles
 
@@ -23,6 +23,10 @@ _FARTHEST_LIMIT = 30.0
 _NAME_HEIGHT = 0.05
 #: Height of the strip for sealed loads at the bottom of the axis, as a fraction of the axis.
 _STRIP = 0.08
+#: Largest and smallest number of decades that the leakage axis covers, without its margins.
+_MOST_DECADES, _FEWEST_DECADES = 15, 0.5
+#: Margins of the leakage axis below and above the values, as fractions of the decades that they cover.
+_BOTTOM_MARGIN, _TOP_MARGIN = 0.05, 0.06
 #: Marker, and its size, of each method that is drawn as single points in addition to the main curve.
 _STUDY_MARKERS = {"two-scale": ("D", 5.5), "deterministic": ("x", 4), "blocks": ("s", 5)}
 #: Unit of an axis on which several results are drawn [m²/s], and the name of this axis.
@@ -31,30 +35,30 @@ COMMON_SCALE = (1.0, "leakage per length of seal [m²/s]")
 
 @dataclass(frozen=True)
 class LeakageCurves:
-    """Hold the leakages over a load cycle, per length of seal, that are drawn together.
+    """Hold the leakages per length of seal that are drawn in one panel, against the loads of a load cycle.
 
     Parameters
     ----------
     pressure : array (steps,)
         Nominal pressure of each load step [Pa].
     peaks : array (steps,)
-        Peak pressure from which the seal is unloaded at each step [Pa]; NaN on loading.
+        For each step of an unloading, the nominal pressure from which the seal is unloaded [Pa]; NaN on loading.
     leakage : array (steps,)
         Leakage of the main curve [m²/s].
     title : str
         Name of the main curve.
     band : pair of arrays (steps,), optional
-        Lower and upper end of the shaded area [m²/s].
+        Lower and upper limit of the shaded area around the main curve [m²/s].
     band_name : str
         Name of the shaded area in the legend.
     other_methods : dict of arrays (steps,)
-        Leakages computed by other methods [m²/s], by the names of the methods. They are drawn as single markers.
+        Leakages computed by other methods [m²/s], by the names of the methods. They are drawn as markers without lines.
     limits : dict of float
         Limits of leakage classes [m²/s], by the names of the classes.
     scale : pair (float, str)
         Value of the unit of the leakage axis [m²/s], and the name of the axis with this unit.
-    force : pair (str, float), optional
-        Unit of the forces in the case, and the force in this unit at a nominal pressure of 1 Pa.
+    force : ForceScale, optional
+        If the loads of the case are forces: their unit, and the force in this unit for a nominal pressure of 1 Pa.
     """
 
     pressure: Array
@@ -66,11 +70,14 @@ class LeakageCurves:
     other_methods: dict[str, Array] = field(default_factory=dict)
     limits: dict[str, float] = field(default_factory=dict)
     scale: tuple[float, str] = COMMON_SCALE
-    force: tuple[str, float] | None = None
+    force: ForceScale | None = None
 
     @property
     def branches(self) -> list[tuple[str, Indices]]:
-        """Name and step indices of the loading and of each unloading. The name of an unloading states its peak."""
+        """Name and step indices of each branch: the loading, and each unloading.
+
+        The name of an unloading contains the load from which the seal is unloaded, "unloading from 300 MPa".
+        """
         loading, *unloadings = branches(self.pressure, self.peaks)
         if self.force is None:
             return [loading, *unloadings]
@@ -83,7 +90,7 @@ class LeakageCurves:
 
     @property
     def load_scale(self) -> tuple[str, float]:
-        """Name of the load axis, and its value at a nominal pressure of 1 Pa."""
+        """Name of the load axis, and the load on this axis for a nominal pressure of 1 Pa."""
         if self.force is None:
             return "nominal pressure [MPa]", 1e-6
         unit, factor = self.force
@@ -106,10 +113,10 @@ class LeakageCurves:
 
 
 def with_near_ends(leakages: Array, ends: Array) -> Array:
-    """Append the ends of 95 % intervals to leakages, in order to determine the range of an axis.
+    """Return all values that an axis must show: the leakages, and the ends of their 95 % intervals.
 
-    Ends are limited to the range from a tenth of the lowest leakage to ten times the highest leakage, so that a wide
-    interval does not compress the curves.
+    Ends are limited to the range from a tenth of the lowest leakage to ten times the highest leakage. Otherwise a wide
+    interval would compress the curves.
 
     Parameters
     ----------
@@ -131,8 +138,8 @@ def with_near_ends(leakages: Array, ends: Array) -> Array:
 def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[Any]:
     """Draw the absolute value of the leakage against load on a logarithmic scale.
 
-    Loads without leakage are marked in a strip below the scale. Curves that are in the axes already are kept, and the
-    scale covers them too.
+    Loads without leakage are marked in a strip below the scale. If the axes already contain curves, the scale is
+    extended to cover these as well.
 
     Parameters
     ----------
@@ -159,8 +166,10 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
     ]
     set_leakage_axis(axes, np.concatenate([curves.range / factor, *present_leakages]))
     handles: list[Any] = []
-    for n, (branch, steps) in enumerate(curves.branches, start=len(present_handles)):
-        style = branch_styles(n + 1)[n]
+    # the style of each new branch follows that of the last branch that is already in the axes
+    n_present = len(present_handles)
+    new_styles = branch_styles(n_present + len(curves.branches))[n_present:]
+    for (branch, steps), style in zip(curves.branches, new_styles, strict=True):
         if curves.band is not None:
             low, high = (end[steps] / factor for end in curves.band)
             leakage_band(axes, load[steps], low, high, style["color"])
@@ -171,8 +180,9 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
         marker, size = _STUDY_MARKERS[method]
         style = {"color": GREY, "ls": "", "marker": marker, "ms": size, "mfc": "none"}
         handles.append(leakage_line(axes, load, np.abs(leakage) / factor, label=method, **style))
-    # a name with the length of the seal is longer than the axis, so it has two lines
+    # a name such as "leakage of 0.3 m of seal, …" is longer than the axis and is broken after the comma
     axes.set(xlabel=load_name, ylabel=leakage_name.replace(", ", ",\n", 1))
+    # `limit_lines` gives the label "_limit" to its lines, whose x data are not loads
     all_loads = [line.get_xdata() for line in axes.lines if line.get_label() != "_limit"]
     set_load_axis(axes, np.concatenate(all_loads))
     add_grid(axes)
@@ -183,7 +193,7 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
 
 
 def set_leakage_axis(axes: Axes, values: Array) -> None:
-    """Make the y axis a logarithmic leakage axis, with a strip below the scale if some of the values are 0.
+    """Set up the y axis as a logarithmic leakage axis. If some values are 0, add a strip for them below the scale.
 
     Parameters
     ----------
@@ -197,10 +207,13 @@ def set_leakage_axis(axes: Axes, values: Array) -> None:
     axes.set_yscale("log")
     positive = values[np.isfinite(values) & (values > 0)]
     low, high = (positive.min(), positive.max()) if positive.size else (0.1, 10.0)
-    low = max(low, high * 1e-15)
-    decades = max(np.log10(high / low), 0.5)
+    low = max(low, high * 10.0**-_MOST_DECADES)
+    decades = max(np.log10(high / low), _FEWEST_DECADES)
     strip = _STRIP if np.any(values == 0) else 0.0
-    axes.set_ylim(low * 10 ** (-decades * (0.05 + strip)), high * 10 ** (0.06 * decades))
+    # the axis extends beyond the values, by a fraction of the decades that they cover
+    bottom = low * 10 ** (-decades * (_BOTTOM_MARGIN + strip))
+    top = high * 10 ** (decades * _TOP_MARGIN)
+    axes.set_ylim(bottom, top)
     label_decades(axes.yaxis)
     if not strip:
         return
@@ -213,7 +226,7 @@ def set_leakage_axis(axes: Axes, values: Array) -> None:
 
 
 def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
-    """Draw a line of leakages >= 0, and markers in the strip below the scale where the leakage is 0.
+    """Draw leakages >= 0 as a line. Where the leakage is 0, draw a marker in the strip below the scale instead.
 
     Parameters
     ----------
@@ -222,7 +235,7 @@ def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
     load, leakage : array (steps,)
         Load and leakage, in the units of the axes.
     **style
-        Style of line and markers, as arguments of `Axes.plot`.
+        Style of the line and the markers, as keyword arguments for `Axes.plot`.
 
     Returns
     -------
@@ -238,7 +251,10 @@ def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
 
 
 def leakage_band(axes: Axes, load: Array, low: Array, high: Array, colour: Any) -> None:
-    """Shade the area between two leakages (steps,), limited to the scale; if there is only one load, draw a bar."""
+    """Shade the area between two curves of leakage, (steps,) each. If there is only one load, draw a bar instead.
+
+    The area is limited to the range of the y axis.
+    """
     low, high = _within_scale(axes, low, high)
     if len(load) > 1:
         axes.fill_between(load, low, high, color=colour, lw=0, alpha=0.16)
@@ -253,14 +269,17 @@ def leakage_bars(axes: Axes, load: Array, low: Array, high: Array, colour: Any) 
 
 
 def _within_scale(axes: Axes, low: Array, high: Array) -> tuple[Array, Array]:
-    """Limit the absolute values of two leakages to the range of the y axis."""
+    """Return the absolute values of both ends of an interval, limited to the range of the y axis."""
     bottom, top = axes.get_ylim()
     return np.clip(np.abs(low), bottom, top), np.clip(np.abs(high), bottom, top)
 
 
 def limits_width(limits: dict[str, float]) -> float:
-    """Return the width [inch] of the names of leakage classes to the right of the axes."""
-    return 0.05 + 0.062 * max(map(len, limits)) if limits else 0.0
+    """Return the width [inch] of the space to the right of the axes for the names of leakage classes."""
+    if not limits:
+        return 0.0
+    longest_name = max(map(len, limits))  # characters
+    return 0.05 + 0.062 * longest_name
 
 
 def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
@@ -281,7 +300,8 @@ def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
         if not low < limit < high:
             continue
         axes.axhline(limit, color=GREY, lw=0.8, ls=(0, (4, 2)), zorder=1, label="_limit")
-        height = np.log(limit / low) / np.log(high / low)
+        height = np.log(limit / low) / np.log(high / low)  # as a fraction of the axis
+        # names whose heights differ by less than the height of a name are in the same row
         row = round(height / _NAME_HEIGHT)
         names_by_row.setdefault(row, []).append(name)
     for row, names in names_by_row.items():

@@ -22,6 +22,8 @@ POCKET = "#FFFFFF"
 _HIGHEST_UPRIGHT = 1.2
 #: Distance of the colour bar from the map, and its height [inch].
 _BAR_DISTANCE, _BAR_HEIGHT = 0.05, 0.075
+#: Distance of the legend for points without a value from the map [inch].
+_KEY_DISTANCE = 0.28
 #: Smallest height of a map [inch].
 LOWEST_MAP = 0.5
 
@@ -56,9 +58,9 @@ def draw_map(
     unit : str
         Unit of length on the axes.
     key : mapping of str, optional
-        Colours of points without a value, by what these points are.
+        Legend for the points without a value. It maps the meaning of these points, such as "contact", to their colour.
     **scale
-        Range or norm of the colours, as arguments of `Axes.imshow`.
+        Range or norm of the colours, as keyword arguments for `Axes.imshow`.
 
     Returns
     -------
@@ -78,7 +80,8 @@ def draw_map(
     if is_turned:
         names.reverse()
     axes.set(xlabel=names[0], ylabel=names[1])
-    # a map that is so long that its height to scale would be too small is not drawn to scale
+    # If a very long map were drawn to scale, it would be too low to be read. Such a map is stretched to `LOWEST_MAP`.
+    # The tolerance of 5 % allows for rounding.
     panel_width, panel_height = axes.get_position().size * figure_of(axes).get_size_inches()
     is_to_scale = width / height < 1.05 * panel_width / panel_height
     aspect = "equal" if is_to_scale or panel_height > 1.05 * LOWEST_MAP else "auto"
@@ -90,16 +93,16 @@ def draw_map(
 
 
 def to_image(values: Array, size: Pair) -> Array:
-    """Arrange values (n1, n2, …) as `imshow` takes them: x1 is horizontal unless the map is turned on its side."""
+    """Arrange values (n1, n2, …) for `imshow`: x1 is horizontal, unless the map is turned on its side."""
     is_turned = on_its_side(size) != tuple(size)
     return values if is_turned else np.swapaxes(values, 0, 1)
 
 
 def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
-    """Return the interpolation by which `imshow` converts the pixels of a map to those of the picture.
+    """Return the argument `interpolation` of `imshow` for a map with this shape.
 
-    Without interpolation, every pixel of the map has a single colour, even when a vector picture is enlarged. If a map
-    has more pixels than the picture, it is averaged.
+    If the map has at most as many pixels as its panel, it is not interpolated, and every pixel of the map has a single
+    colour, even when a vector picture is enlarged. If the map has more pixels, it is averaged.
     """
     figure = figure_of(axes)
     width, height = axes.get_position().size * figure.get_size_inches() * figure.dpi
@@ -107,23 +110,23 @@ def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
 
 
 def map_dpi(shape: tuple[int, ...], margins: Margins = MAP) -> float:
-    """Return the pixels per inch at which a picture has a pixel for each pixel of a map, within limits."""
+    """Return a resolution [pixels per inch] at which the picture shows each pixel of a map, within limits."""
     width = PAGE - margins.left - margins.right
     return float(np.clip(max(shape) / width, DPI, MOST_DPI))
 
 
 def on_its_side(size: Pair) -> Pair:
-    """Return width and height of a map with the sides (x1, x2). A high and narrow map is turned by 90°."""
+    """Return width and height of a map with the sides (x1, x2). A tall and narrow map is turned by 90°."""
     if size[1] > _HIGHEST_UPRIGHT * size[0]:
         return size[1], size[0]
     return size[0], size[1]
 
 
 def map_row_height(size: Pair, margins: Margins = MAP) -> float:
-    """Compute the height [inch] of a panel with a map of sides (horizontal, vertical), including its margins.
+    """Compute the height [inch] of a panel with a map, including the margins.
 
     The map fills the width of the panel. Its height is at least `LOWEST_MAP`, so that a long map can still be read, and
-    at most its width.
+    at most its width. size : horizontal and vertical side of the map, in any unit.
     """
     width = PAGE - margins.left - margins.right
     map_height = float(np.clip(width * size[1] / size[0], LOWEST_MAP, width))
@@ -134,8 +137,9 @@ def add_colour_bar(axes: Axes, image: Any, name: str) -> Any:
     """Add a colour bar above the map, as wide as the map, with the name of the quantity."""
     figure = figure_of(axes)
     height = axes.get_position().height * figure.get_figheight()  # inch
-    place = (0.0, 1 + _BAR_DISTANCE / height, 1.0, _BAR_HEIGHT / height)
-    bar_axes = axes.inset_axes(place)
+    # left, bottom, width and height, as fractions of the axes
+    position = (0.0, 1 + _BAR_DISTANCE / height, 1.0, _BAR_HEIGHT / height)
+    bar_axes = axes.inset_axes(position)
     bar = figure.colorbar(image, cax=bar_axes, orientation="horizontal")
     bar_axes.xaxis.set_ticks_position("top")
     bar_axes.xaxis.set_label_position("top")
@@ -146,7 +150,10 @@ def add_colour_bar(axes: Axes, image: Any, name: str) -> Any:
 
 
 def add_key(axes: Axes, key: Mapping[str, str]) -> None:
-    """Draw a legend for the colours of points without a value, to the right of the name of the colour bar."""
+    """Draw a legend for the points without a value above the map, to the right of the name of the colour bar.
+
+    key : colour of these points by their meaning, such as "contact".
+    """
     from matplotlib.patches import Patch
 
     patches = [
@@ -157,7 +164,7 @@ def add_key(axes: Axes, key: Mapping[str, str]) -> None:
     axes.legend(
         handles=patches,
         loc="lower right",
-        bbox_to_anchor=(1.0, 1 + 0.28 / height),
+        bbox_to_anchor=(1.0, 1 + _KEY_DISTANCE / height),
         ncols=len(patches),
         handlelength=0.8,
         handleheight=0.8,
@@ -181,8 +188,8 @@ def clip_to_decades(values: Array, decades: int) -> tuple[Array, Any]:
     Returns
     -------
     values : array
-        Values for the scale. Positive values below the lower end of the scale are raised to this end. Values of 0 are
-        replaced by a value below the scale, so that they get the colour for this range. NaN stays NaN.
+        Limited values. Positive values below the lower end of the scale become equal to this end. Values of 0 become a
+        value below the scale, so that they are drawn in the colour for values below the scale. NaN stays NaN.
     norm : LogNorm
         Colour scale.
     """

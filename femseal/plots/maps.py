@@ -113,7 +113,9 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
 
 
 def surface_fields(results: Results, step: int) -> list[Array]:
-    """Return contact pressure [Pa], gap [m] and fluid pressure [Pa] of the surface at a step, (n1, n2) each.
+    """Return the contact pressure [Pa], the gap [m] and the fluid pressure [Pa] of the surface at a load step.
+
+    Each of them is an array (n1, n2).
 
     If these fields are in memory or in the folder of the results, there is a value for each pixel. Otherwise the values
     are the means over blocks of pixels in the dataset. Fields with more pixels than a picture can show are averaged.
@@ -146,7 +148,10 @@ def surface_figure(data: xarray.Dataset) -> Figure:
 
 @styled
 def patch_figure(data: xarray.Dataset) -> Figure:
-    """Draw the heights of the measured patch that leaks most and, if known, its gap at the highest leaking load."""
+    """Draw the heights of the measured patch that leaks most.
+
+    If the gap of this patch is known, it is drawn as well, at the highest load at which the seal leaks.
+    """
     size = sides(data, "patch")
     has_gaps = "patch_gap" in data
     heights = data["patch_height"]
@@ -163,7 +168,10 @@ def patch_figure(data: xarray.Dataset) -> Figure:
 
 
 def sides(data: xarray.Dataset, part: str = "face") -> Pair:
-    """Return the sides of the surface ("face") or of the drawn patch ("patch") [m] from the centres of their blocks."""
+    """Return the sides [m] of the surface ("face"), or of the patch that `patch_figure` draws ("patch").
+
+    They are computed from the coordinates of the blocks of pixels, which are the centres of the blocks.
+    """
     x1 = data[f"{part}1"].values
     x2 = data[f"{part}2"].values
     # the first centre is half a block from 0, and the last one half a block from the other end
@@ -188,7 +196,10 @@ def _draw_gap(axes: Axes, gap: Array, size: Pair) -> None:
 
 
 def _draw_fluid_pressure_and_flow(axes: Axes, pressure: Array, gap: Array, size: Pair) -> None:
-    """Draw a map of the fluid pressure (n1, n2) [Pa], and over it the flow as a colour, opaque where it is largest."""
+    """Draw a map of the fluid pressure (n1, n2) [Pa], and the flow on top of it.
+
+    The flow has a single colour. The larger the flow, the more opaque is this colour.
+    """
     from matplotlib.colors import to_rgb
 
     in_unit, unit = _in_unit(size)
@@ -209,7 +220,10 @@ def _draw_fluid_pressure_and_flow(axes: Axes, pressure: Array, gap: Array, size:
 
 
 def relative_flow(gap: Array, pressure: Array, size: Pair) -> Array:
-    """Compute the flow per unit width at each pixel by the cubic law, divided by its largest value.
+    """Compute the flow per unit width at each pixel, divided by its largest value.
+
+    By the cubic law, the flow between two pixels is proportional to h³ Δp/Δx, with the harmonic mean of h³ in both
+    pixels. The flow at a pixel is the mean of the flow from the previous pixel and the flow to the next one.
 
     Parameters
     ----------
@@ -338,8 +352,8 @@ def _draw_fluid_pressure(
 ) -> Figure:
     """Draw a map of a fluid pressure (n1, n2) into axes, by default those of a new figure.
 
-    unit : what the axes count, "pixels" or "nodes". key : colour of points without a pressure, by what these points
-    are.
+    unit : unit of the axes, "pixels" or "nodes". key : colour of the points without a pressure, by their meaning, such
+    as "pockets".
     """
     n1, n2 = values.shape
     if ax is None:

@@ -36,7 +36,11 @@ _LINE_STYLES = ("-", "--", ":", "-.")
 
 
 def surface_leakage(data: xarray.Dataset) -> Array:
-    """Return the leakage of the surface (steps,) [m²/s], or that of the realisations if no study solved the surface."""
+    """Return the leakage of the surface (steps,) [m²/s].
+
+    If no study has solved the surface itself, it is the median leakage of the realisations.
+    """
+    # the first one of these variables that the dataset has
     names = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks", "leakage_median")
     available = [name for name in names if name in data]
     return np.asarray(data[available[0]].values)
@@ -47,7 +51,7 @@ def short_load_names(data: xarray.Dataset) -> list[str]:
     force = force_scale(data)
 
     def text(pressure: float) -> str:
-        """Write a nominal pressure [Pa], as a force if the case states forces."""
+        """Write a load as text: a nominal pressure [Pa], or the force if the loads of the case are forces."""
         if force is None:
             return to_text(pressure, "Pa", 4)
         return f"{force.per_pascal * pressure:.4g} {force.unit}"
@@ -67,8 +71,11 @@ def leaking_steps(data: xarray.Dataset) -> list[int]:
 
 
 def pressure_margins(line_count: int, with_range: bool) -> Margins:
-    """Return the margins of a panel with a legend of `line_count` lines, and perhaps a shaded range, below it."""
-    lines = ceil((line_count + with_range) / 2)
+    """Return the margins of a panel with a legend below it.
+
+    The legend lists `line_count` lines and, `with_range`, a shaded area.
+    """
+    lines = ceil((line_count + with_range) / 2)  # the legend has two columns
     return replace(LINES, bottom=LINES.bottom + LEGEND_LINE * (lines + 0.5))
 
 
@@ -137,21 +144,22 @@ def pressure_figure(results: Results, step: int | None = None) -> Figure:
 def _draw_along_x1(
     axes: Axes, data: xarray.Dataset, x1: Array, pressures: Mapping[int, Array], name: str
 ) -> list[Any]:
-    """Draw a line of pressures [MPa] against x1 [m] for each step, and return the lines.
+    """Draw a line of pressures [MPa] against x1 [m] for each load step, and return the lines.
 
-    The colour of a line indicates the load, from dark to bright, and its style the branch of the load cycle.
+    The colour of a line indicates the load, from dark to bright. Its style indicates the branch of the load cycle.
+    pressures : pressures along x1, by the index of the load step.
     """
     names = short_load_names(data)
     unit, unit_name = length_unit(x1[-1])
     nominal = data["nominal_pressure"].values
     loads = np.unique(nominal[list(pressures)])
     colours = sequential_colours(len(loads))
-    branch_of_step = {
-        int(step): branch
-        # in reverse order, so that a peak, which begins an unloading as well, is counted as a step of the loading
-        for branch, (_, steps) in reversed([*enumerate(branches_in(data))])
-        for step in steps
-    }
+    # The step from which the seal is unloaded belongs to two branches, the loading and an unloading. It is drawn as a
+    # step of the loading, which is the first branch.
+    branch_of_step: dict[int, int] = {}
+    for branch, (_name, steps) in enumerate(branches_in(data)):
+        for step in steps:
+            branch_of_step.setdefault(int(step), branch)
     lines: list[Any] = []
     for step, pressure in pressures.items():
         branch = branch_of_step[step]
@@ -161,6 +169,7 @@ def _draw_along_x1(
             color=colours[int(np.searchsorted(loads, nominal[step]))],
             ls=_LINE_STYLES[branch % len(_LINE_STYLES)],
             marker=MARKERS[branch % len(MARKERS)],
+            # four markers on each line, at other positions than those of the neighbouring lines
             markevery=(0.1 + 0.03 * (len(lines) % 5), 0.25),
             label=names[step],
         )

@@ -44,7 +44,7 @@ _LONGEST_TO_SCALE = 8.0
 
 @dataclass(frozen=True)
 class _TileValues:
-    """Hold the values of the tiles of a seal for a map.
+    """Hold the data of a map of the seal, with a value for each tile.
 
     Attributes
     ----------
@@ -66,12 +66,13 @@ class _TileValues:
 
 @styled
 def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
-    """Draw the fluid pressure in the realisation nearest to the median, and the flow around its largest value.
+    """Draw maps of the realisation whose leakage is nearest to the median.
 
-    Streamlines of the flow are drawn over both maps; the thick line is the path through the largest flow. The contact
-    pressure of the tiles is drawn too if the load has a pressure map or the seal has a form. For a seal with a form,
-    the form and the distance between the mean planes are drawn as well. A long seal is not drawn to scale. A seal whose
-    picture would be high and narrow is turned on its side.
+    One map shows the fluid pressure of the whole seal. The last map shows the flow in the surroundings of the point
+    with the largest flow. Streamlines are drawn over both; the thick line is the path through the point with the
+    largest flow. If the load has a pressure map or the seal has a form, there is also a map of the contact pressure. If
+    the seal has a form, there are also maps of the form and of the distance between the mean planes of the faces. A
+    long seal is not drawn to scale. A seal whose picture would be tall and narrow is turned on its side.
 
     Parameters
     ----------
@@ -135,10 +136,10 @@ def _axis_names(data: xarray.Dataset, unit: str, is_turned: bool) -> tuple[str, 
 
 
 def _detail(data: xarray.Dataset, corners: Array, centre: Array) -> tuple[Array, Array]:
-    """Return the lower left and the upper right corner of the detail, (2,) each [m].
+    """Return the lower left and the upper right corner of the region that the last map shows, (2,) each [m].
 
-    The detail is a square around the point `centre`. It is moved so that it lies within the seal, and cut off where the
-    seal is narrower.
+    The region is a square around the point `centre`. If it extends beyond the seal, it is moved into the seal. If the
+    seal is narrower than the square, the square is cut off.
     """
     low = corners.min(axis=(0, 1))
     high = corners.max(axis=(0, 1))
@@ -147,15 +148,20 @@ def _detail(data: xarray.Dataset, corners: Array, centre: Array) -> tuple[Array,
     has_many_rows = width > _MANY_ROWS * tile_side
     side = width * (_SMALL_DETAIL_SIDE if has_many_rows else _DETAIL_SIDE)
     if has_many_rows:
-        # the tiles around the point lie between inlet and outlet, and so does their centre
+        # This square is hardly larger than the width of the seal. Its centre is the mean position of all tiles that are
+        # closer to the point than this width, which lies between inlet and outlet.
         centres = corners.mean(axis=1)
-        centre = centres[np.hypot(*(centres - centre).T) < width].mean(axis=0)
+        is_close = np.hypot(*(centres - centre).T) < width
+        centre = centres[is_close].mean(axis=0)
     start = np.maximum(low, np.minimum(centre - side / 2, high - side))
     return start, np.minimum(start + side, high)
 
 
 def _flow_values(flow: Array, shows_whole_seal: bool) -> _TileValues:
-    """Prepare the map of the flow per unit width, (tiles,) [m²/s]."""
+    """Return the data of the map of the flow, in a readable unit.
+
+    flow : flow per unit width in each tile, (tiles,) [m²/s].
+    """
     factor, unit = leakage_unit(flow.max()) if flow.max() > 0 else (1.0, "m²/s")
     name = f"flow per width [{unit}]"
     if not shows_whole_seal:
@@ -164,10 +170,11 @@ def _flow_values(flow: Array, shows_whole_seal: bool) -> _TileValues:
 
 
 def _whole_seal_values(data: xarray.Dataset, step: int) -> list[_TileValues]:
-    """Return the values of the tiles for all maps that show the whole seal."""
+    """Return the data of all maps that show the whole seal."""
     maps = []
     has_form = "drawn_form" in data
-    has_load_map = json.loads(data.attrs.get("case", "{}")).get("load", {}).get("map")
+    case = json.loads(data.attrs.get("case", "{}"))
+    has_load_map = case.get("load", {}).get("map")
     if "drawn_contact_pressure" in data and (has_load_map or has_form):
         contact_pressure = data["drawn_contact_pressure"].values[step] / 1e6
         maps.append(_TileValues("contact pressure [MPa]", contact_pressure, "viridis"))
@@ -186,7 +193,7 @@ def _whole_seal_values(data: xarray.Dataset, step: int) -> list[_TileValues]:
 
 
 def _draw_tiles(axes: Axes, corners: Array, tile_values: _TileValues, is_drawn: Flags) -> None:
-    """Draw some of the tiles of a seal, with a colour scale that covers the values of all tiles.
+    """Draw some of the tiles of a seal. The colour scale covers the values of all tiles.
 
     Parameters
     ----------

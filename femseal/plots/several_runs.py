@@ -1,4 +1,4 @@
-"""Draw the leakage of several runs in one picture, against load and against the key of the case that was varied."""
+"""Draw the leakage of several runs in one picture: against load, and against a key of the case that was varied."""
 
 from __future__ import annotations
 
@@ -42,9 +42,9 @@ _NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\
 def comparison_figure(comparison: RunComparison) -> Figure:
     """Draw the leakage of several runs against nominal pressure, each run in its own colour.
 
-    Loading is drawn with solid lines, unloading with dashed lines and open markers. Loads without leakage are marked in
-    a strip below the scale. The 95 % intervals on loading are shaded areas, or bars if there are more than three runs.
-    If no run has an error budget, the scatter between realisations is drawn instead.
+    The loading curves are solid lines, the unloading curves are dashed lines with open markers. Loads without leakage
+    are marked in a strip below the scale. The 95 % intervals on loading are shaded areas, or bars if there are more
+    than three runs. If no run has an error budget, the scatter between realisations is drawn instead.
 
     The picture of a sweep has a second panel. It shows the leakage at the highest load at which all runs leak, against
     the key of the case that has the most values.
@@ -83,12 +83,12 @@ def _most_varied_key(comparison: RunComparison) -> int | None:
 
 @dataclass(frozen=True)
 class _Bands:
-    """Hold the ranges that are drawn around the leakages of several runs.
+    """Hold the 95 % intervals, or the scatter, that are drawn around the leakages of several runs.
 
     Attributes
     ----------
-    ends : lower and upper end of the range of each run, (steps,) each; None for a run without a range.
-    name : name of the ranges; "" if no run has one.
+    ends : lower and upper end of the interval of each run, two arrays (steps,); None for a run without an interval.
+    name : name of the intervals for the legend; "" if no run has one.
     """
 
     ends: list[tuple[Array, Array] | None]
@@ -96,7 +96,7 @@ class _Bands:
 
 
 def _bands(comparison: RunComparison) -> _Bands:
-    """Return the 95 % intervals if at least one run has one, and otherwise the scatter between realisations."""
+    """Return the 95 % intervals of the runs. If no run has one, return the scatter between realisations instead."""
     runs = range(len(comparison.runs))
     intervals = [comparison.interval(n) for n in runs]
     if any(interval is not None for interval in intervals):
@@ -116,7 +116,8 @@ def _draw_over_load(axes: Axes, comparison: RunComparison) -> tuple[list[Any], s
     ends = [np.empty(0)]
     for band in bands.ends:
         if band is not None:
-            ends += [np.abs(end) for end in band]
+            low, high = band
+            ends += [np.abs(low), np.abs(high)]
     set_leakage_axis(axes, with_near_ends(np.concatenate(leakages), np.concatenate(ends)))
     is_shaded = count <= _MOST_SHADED
     handles: list[Any] = []
@@ -165,9 +166,11 @@ def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
         x = np.array([positions[texts.index(comparison.settings[run][key])] for run in runs])
         order = np.argsort(x)
         leakage_line(axes, x[order], leakages[runs][order], label=name, **style)
-        # the bars of the lines are side by side
+        # the bars of the lines are side by side; the shift is a fraction of the length of the axis
         shift = _BAR_DISTANCE * (n - (len(runs_by_line) - 1) / 2)
-        bar_x = x * (last / first) ** shift if is_log else x + (last - first) * shift
+        bar_x = x + (last - first) * shift
+        if is_log:
+            bar_x = x * (last / first) ** shift
         has_interval = np.isfinite(high[runs])
         bar_low, bar_high = low[runs][has_interval], high[runs][has_interval]
         leakage_bars(axes, bar_x[has_interval], bar_low, bar_high, style["color"])
@@ -187,7 +190,7 @@ def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
 
 
 def _highest_leaking_step(comparison: RunComparison) -> LoadStep:
-    """Return the step of the highest load on loading at which all runs leak; if none, the first common step."""
+    """Return the highest load step on loading at which all runs leak, or the first common step if there is none."""
     loading = [step for step in comparison.common_steps if step.unloaded_from is None]
     leaking = [step for step in loading if (_leakages_at(comparison, step) > 0).all()]
     return leaking[-1] if leaking else comparison.common_steps[0]
@@ -233,9 +236,11 @@ def _intervals_at(comparison: RunComparison, step: LoadStep) -> tuple[Array, Arr
 
 
 def _axis_positions(texts: list[str]) -> list[float]:
-    """Return the positions of the values of a key on an axis.
+    """Choose the position of each value of a key on the horizontal axis.
 
-    If all values are numbers with the same unit, the positions are these numbers, and otherwise 0, 1, 2, …
+    If all values are numbers with the same unit, the positions are these numbers. Otherwise they are 0, 1, 2, …
+
+    texts : values of the key as texts.
     """
     matches = [_NUMBER_WITH_UNIT.fullmatch(text) for text in texts]
     numbers = [float(match[1]) for match in matches if match]

@@ -25,6 +25,15 @@ _SHORTEST = 0.01
 _PATH_COLOUR, _PATH_WIDTH = "#E6007E", 1.4
 
 
+#: Smallest distance from the centre of a tile in the weights, in half sides of a tile. It limits the weight of a single
+#: tile.
+_LEAST_DISTANCE = 0.3
+#: A point belongs to the seal up to this factor times the distance of a corner from the centre of its tile.
+_CORNER_TOLERANCE = 1.05
+#: Streamlines per inch of the panel, and smallest value, in the unit of the argument `density` of `streamplot`.
+_DENSITY_PER_INCH, _LEAST_DENSITY = 0.35, 0.3
+
+
 @dataclass(frozen=True)
 class _FlowGrid:
     """Hold the flow of the tiles, interpolated at the points of a regular grid over a panel.
@@ -45,11 +54,20 @@ class _FlowGrid:
         return np.hypot(self.flux[..., 0], self.flux[..., 1])
 
 
-def _interpolated(axes: Axes, corners: Array, flux: Array) -> _FlowGrid:
-    """Interpolate the flow of the tiles, (tiles, 2), at the points of a grid over the limits of the axes.
+def _interpolate_flow(axes: Axes, corners: Array, flux: Array) -> _FlowGrid:
+    """Interpolate the flow of the tiles at the points of a regular grid that covers the axes.
 
-    The flow at a point is the mean of the flow in the four nearest tiles, weighted by the inverse square of their
-    distance. At points outside of all tiles it is NaN.
+    The flow at a point is the weighted mean of the flow in the four nearest tiles. The weights are the inverse squares
+    of the distances. At points outside of all tiles the flow is NaN.
+
+    Parameters
+    ----------
+    axes : Axes
+        Axes whose limits have been set.
+    corners : array (tiles, corners, 2)
+        Corners of the tiles.
+    flux : array (tiles, 2)
+        Flow per unit width in each tile.
     """
     from scipy.spatial import cKDTree
 
@@ -62,12 +80,18 @@ def _interpolated(axes: Axes, corners: Array, flux: Array) -> _FlowGrid:
     points = np.stack(np.meshgrid(x, y), axis=-1)  # (row, column, axis)
     centres = corners.mean(axis=1)
     half_size = np.ptp(corners, axis=1).max(axis=0) / 2
-    # distances are measured in half sides of a tile, because the two sides may differ
+    # Distances are measured in half sides of a tile, because the two sides may differ. Both arrays have the axes (row,
+    # column, neighbour).
     distance, nearest = cKDTree(centres / half_size).query(points / half_size, k=4)
-    weights = 1 / np.maximum(distance, 0.3) ** 2
-    interpolated = (weights[..., None] * flux[nearest % len(flux)]).sum(axis=2)
+    # If there are fewer than four tiles, the missing neighbours have an infinite distance, and thus the weight 0. Their
+    # index is len(flux), which becomes a valid index here.
+    nearest %= len(flux)
+    weights = 1 / np.maximum(distance, _LEAST_DISTANCE) ** 2
+    interpolated = (weights[..., None] * flux[nearest]).sum(axis=2)  # (row, column, axis)
     interpolated /= weights.sum(axis=2)[..., None]
-    interpolated[distance[..., 0] > 2**0.5 * 1.05] = np.nan
+    # in these units, the corner of a tile is √2 from its centre
+    is_outside = distance[..., 0] > 2**0.5 * _CORNER_TOLERANCE
+    interpolated[is_outside] = np.nan
     return _FlowGrid(x, y, interpolated)
 
 
@@ -85,7 +109,7 @@ def draw_streamlines(axes: Axes, corners: Array, flux: Array, colour: str) -> No
     colour : str
         Colour of the lines.
     """
-    grid = _interpolated(axes, corners, flux)
+    grid = _interpolate_flow(axes, corners, flux)
     magnitude = np.nan_to_num(grid.magnitude)
     if not magnitude.max() > 0:
         return
@@ -106,7 +130,7 @@ def draw_streamlines(axes: Axes, corners: Array, flux: Array, colour: str) -> No
 
 def draw_main_path(axes: Axes, corners: Array, flux: Array, start: Array) -> None:
     """Draw the streamline through the point `start`, (2,), from the inlet to the outlet as a thick line."""
-    grid = _interpolated(axes, corners, flux)
+    grid = _interpolate_flow(axes, corners, flux)
     is_inside = grid.x[0] <= start[0] <= grid.x[-1] and grid.y[0] <= start[1] <= grid.y[-1]
     if not is_inside:
         return
@@ -127,9 +151,15 @@ def draw_main_path(axes: Axes, corners: Array, flux: Array, start: Array) -> Non
 
 
 def _density(axes: Axes) -> tuple[float, float]:
-    """Return densities of streamlines along both axes at which the distance between lines is about the same."""
+    """Return the argument `density` of `streamplot`: a density of streamlines along each axis.
+
+    The densities are proportional to the sides of the panel, so that the distance between the lines is about the same
+    along both axes.
+    """
     width, height = axes.get_position().size * axes.figure.get_size_inches()
-    return max(0.35 * width, 0.3), max(0.35 * height, 0.3)
+    density_along_x = max(_DENSITY_PER_INCH * width, _LEAST_DENSITY)
+    density_along_y = max(_DENSITY_PER_INCH * height, _LEAST_DENSITY)
+    return density_along_x, density_along_y
 
 
 def _restore_limits(axes: Axes, grid: _FlowGrid) -> None:

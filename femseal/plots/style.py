@@ -87,7 +87,7 @@ def style() -> Iterator[None]:
 
 def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
     """Make a function draw in the style of femseal, unless it draws into axes that the user passes as `ax`."""
-    if hasattr(draw, "__wrapped__"):
+    if hasattr(draw, "__wrapped__"):  # the function draws in this style already
         return draw
 
     @wraps(draw)
@@ -167,7 +167,6 @@ def rendered(figure: Figure, file_format: str) -> bytes:
 
 def rendered_formats(figure: Figure, formats: Sequence[str]) -> dict[str, bytes]:
     """Render a figure in several formats, see `rendered`; return the contents of the files by their formats."""
-    png_first = sorted(
-        formats, key=lambda form: form != "png"
-    )  # the other formats change the figure
+    # PNG comes first, because rendering in the other formats changes the figure
+    png_first = sorted(formats, key=lambda form: form != "png")
     return {form: rendered(figure, form) for form in png_first}

@@ -1,6 +1,6 @@
 """Open the fields of a run in a window of pyvista, with inlet, outlet and a scale bar.
 
-Lengths in the window are in µm; x1, the direction of the leakage, points to the right, and x2 upwards.
+Lengths in the window are in µm. The direction of the leakage, x1, points to the right, and x2 points upwards.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def view_run(
         os.environ.get(name) for name in ("DISPLAY", "WAYLAND_DISPLAY")
     )
     if picture is None and not has_display:
-        raise InputError("display", "none", "one, or a picture: -o view.png")
+        raise InputError("display", "none", "a display for the window, or a picture: -o view.png")
     if not has_display:
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     names = [field] if field is not None else list(FIELDS)
@@ -165,12 +165,16 @@ def seal_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]
         mesh.cell_data[shown.heading] = _shown_values(values[step], name).ravel()
         meshes[name] = mesh
     if not meshes:
-        raise InputError("field", ", ".join(names), "contact_pressure or fluid_pressure of a seal")
+        raise InputError(
+            "field",
+            ", ".join(names),
+            "contact_pressure or fluid_pressure of a realisation",
+        )
     return meshes
 
 
 def _shown_values(values: Array, name: str) -> Array:
-    """Return the values of a field in the unit of its panel; a gap of 0, in contact, becomes NaN."""
+    """Convert the values of a field to the unit in which it is shown. A gap of 0 becomes NaN, which marks contact."""
     shown = np.asarray(values, float) / FIELDS[name].unit
     return np.where(shown > 0, shown, np.nan) if name == "gap" else shown
 
@@ -181,7 +185,7 @@ def _window(
     """Make a window with a panel for each field, side by side and with the same camera.
 
     load : name of the load step, which is written into the first panel. ends : positions of the labels "inlet" and
-    "outlet" (2, 3) [µm]; if None, they are beside the two sides of the mesh along x1.
+    "outlet", (2, 3) [µm]. If it is None, the labels are to the left and to the right of the mesh.
     """
     import pyvista
 
@@ -220,7 +224,7 @@ def _window(
 
 
 def _sides(bounds: Any) -> Array:
-    """Return positions beside the side x1 = 0, the inlet, and beside the opposite side, (2, 3) [µm]."""
+    """Return positions for the labels to the left of a mesh, at the inlet, and to the right of it, (2, 3) [µm]."""
     x_low, x_high, y_low, y_high = bounds[:4]
     middle = (y_low + y_high) / 2
     offset = 0.06 * max(x_high - x_low, y_high - y_low)
@@ -228,23 +232,24 @@ def _sides(bounds: Any) -> Array:
 
 
 def ends_of_seal(results: Results) -> Array | None:
-    """Return the centres of the tiles with the highest and the lowest fluid pressure, (2, 3) [µm].
+    """Return positions for the labels of inlet and outlet, (2, 3) [µm].
 
-    The labels of inlet and outlet are placed there. The result is None for a strip, whose inlet and outlet are its
-    sides, and if no fluid pressure is known.
+    They are the centres of the tiles with the highest and the lowest fluid pressure. The result is None for a strip,
+    whose inlet and outlet are its left and right side. It is also None if no fluid pressure is known.
     """
     data = results.dataset
     if str(data.attrs.get("seal", "")).startswith("a strip") or "drawn_fluid_pressure" not in data:
         return None
     pressure = np.asarray(data["drawn_fluid_pressure"].values)  # (step, tile)
-    flowing = np.flatnonzero(np.isfinite(pressure).any(axis=1))
-    if not flowing.size:
+    known_steps = np.flatnonzero(np.isfinite(pressure).any(axis=1))
+    if not known_steps.size:
         return None
-    first = pressure[flowing[0]].ravel()
-    middles = data["drawn_corners"].values.mean(axis=1)
-    ends = np.zeros((2, 3))
-    ends[:, :2] = 1e6 * middles[[int(np.nanargmax(first)), int(np.nanargmin(first))]]
-    return ends
+    tile_pressure = pressure[known_steps[0]].ravel()
+    highest_and_lowest = [int(np.nanargmax(tile_pressure)), int(np.nanargmin(tile_pressure))]
+    centres = data["drawn_corners"].values.mean(axis=1)  # (tile, axis) [m]
+    positions = np.zeros((2, 3))
+    positions[:, :2] = 1e6 * centres[highest_and_lowest]
+    return positions
 
 
 def _mark_ends(plotter: pyvista.Plotter, ends: Array) -> None:
