@@ -146,14 +146,14 @@ def named_fluid(
         fluid_of_table = _in_table(name)
         if fluid_of_table is not None:
             return fluid_of_table
-    properties, fluid = _known_to_coolprop(name, temperature)
+    coolprop, fluid = _coolprop_and_name(name, temperature)
     try:
-        phases = {properties.PhaseSI("T", temperature, "P", max(p, 1.0), fluid) for p in pressures}
+        phases = {coolprop.PhaseSI("T", temperature, "P", max(p, 1.0), fluid) for p in pressures}
         mean_pressure = max(sum(pressures) / 2, 1.0)
         state = ("T", temperature, "P", mean_pressure, fluid)
-        viscosity = float(properties.PropsSI("V", *state))
-        density = float(properties.PropsSI("D", *state))
-        molar_mass = float(properties.PropsSI("M", fluid))
+        viscosity = float(coolprop.PropsSI("V", *state))
+        density = float(coolprop.PropsSI("D", *state))
+        molar_mass = float(coolprop.PropsSI("M", fluid))
     except ValueError as error:
         _refuse_unknown(name, temperature, error)
     is_gas_at_each_end = ["gas" in phase or phase == "supercritical" for phase in phases]
@@ -189,7 +189,7 @@ def _in_table(name: object) -> NamedFluid | None:
     return None
 
 
-def _known_to_coolprop(name: Any, temperature: float) -> tuple[Any, str]:
+def _coolprop_and_name(name: Any, temperature: float) -> tuple[Any, str]:
     """Return the module CoolProp, and the name that CoolProp uses for a fluid.
 
     Raises an InputError if CoolProp is not installed, if it does not know the fluid, or if its equations are not valid
@@ -345,7 +345,7 @@ class RealGas(Gas):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _known_to_coolprop(self.name, self.temperature)
+        _coolprop_and_name(self.name, self.temperature)
         _table(self.name, self.temperature)
 
     @property

@@ -133,11 +133,14 @@ def _draw_relief(axes: Axes, heights: NDArray) -> None:
     slope_up *= _RELIEF_SLOPE / rms_slope
     slope_right *= _RELIEF_SLOPE / rms_slope
     to_right, upwards, outwards = _LIGHT
+    # diffuse reflection: the scalar product of the direction towards the light and the unit normal of the surface
     light = outwards - to_right * slope_right - upwards * slope_up
     light /= np.sqrt(1 + slope_right**2 + slope_up**2)
     difference = np.nan_to_num(light - outwards)  # 0 on a level surface
     shade = np.zeros((*heights.shape, 4), dtype=np.float32)  # red, green, blue, opacity
-    shade[..., :3] = (difference > 0)[..., None]
+    shade[..., :3] = (difference > 0)[
+        ..., None
+    ]  # white where it is brighter than on a level surface, else black
     shade[..., 3] = np.clip(np.abs(difference), 0, _MOST_SHADE)
     axes.imshow(
         shade, origin="lower", extent=image.get_extent(), interpolation=image.get_interpolation()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -64,6 +64,18 @@ class _TileValues:
     streamlines: str = ""
 
 
+class _Panel(NamedTuple):
+    """A map of the seal or of a part of it.
+
+    low, high : lower left and upper right corner of the region that the map shows, (2,) each [m]. values : data of the
+    map.
+    """
+
+    low: Array
+    high: Array
+    values: _TileValues
+
+
 @styled
 def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
     """Draw maps of the realisation whose leakage is nearest to the median.
@@ -98,26 +110,24 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
     centre_of_largest_flow = corners[np.argmax(flow)].mean(axis=0)
     detail_low, detail_high = _detail(data, corners, centre_of_largest_flow)
     shows_whole_seal = np.array_equal([detail_low, detail_high], [low, high])
-    # lower left corner, upper right corner and values of each panel
-    panels = [(low, high, values) for values in _whole_seal_values(data, step)]
-    panels.append((detail_low, detail_high, _flow_values(flow, shows_whole_seal)))
+    panels = [_Panel(low, high, values) for values in _whole_seal_values(data, step)]
+    panels.append(_Panel(detail_low, detail_high, _flow_values(flow, shows_whole_seal)))
 
     simulated_fraction = data["drawn_corners"].attrs["part"]
-    row_heights = [map_row_height(tuple((end - start).tolist())) for start, end, _ in panels]
+    row_heights = [map_row_height(tuple((panel.high - panel.low).tolist())) for panel in panels]
     sheet = Sheet(row_heights, head=0.22 if simulated_fraction == 1 else 0.36)
-    for row, (start, end, values) in enumerate(panels):
+    for row, panel in enumerate(panels):
         axes = sheet.panel(row, MAP)
-        unit, unit_name = length_unit(max(end - start))
-        width, height = end - start
-        axes.set_aspect("equal" if width <= _LONGEST_TO_SCALE * height else "auto")
-        axes.set(xlim=(start[0] / unit, end[0] / unit), ylim=(start[1] / unit, end[1] / unit))
+        unit, unit_name = _set_up_axes(axes, panel)
         x_name, y_name = _axis_names(data, unit_name, is_turned)
         axes.set(xlabel=x_name, ylabel=y_name)
         # tiles that are at least partly inside the panel
-        is_inside = ((corners.max(axis=1) >= start) & (corners.min(axis=1) <= end)).all(axis=1)
-        _draw_tiles(axes, corners[is_inside] / unit, values, is_inside)
-        if values.streamlines and flow.max() > 0:
-            draw_streamlines(axes, corners / unit, flux, values.streamlines)
+        is_right_of_low = corners.max(axis=1) >= panel.low  # (tile, axis)
+        is_left_of_high = corners.min(axis=1) <= panel.high
+        is_inside = (is_right_of_low & is_left_of_high).all(axis=1)
+        _draw_tiles(axes, corners[is_inside] / unit, panel.values, is_inside)
+        if panel.values.streamlines and flow.max() > 0:
+            draw_streamlines(axes, corners / unit, flux, panel.values.streamlines)
             draw_main_path(axes, corners / unit, flux, centre_of_largest_flow / unit)
     number = data["drawn_corners"].attrs["realisation"]
     title = f"{load_names(data)[step]}; realisation {number}, nearest to the median"
@@ -125,6 +135,17 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
         title += f"\nsimulated: {100 * simulated_fraction:.2g} % of the length of the seal"
     sheet.head(title)
     return sheet.figure
+
+
+def _set_up_axes(axes: Axes, panel: _Panel) -> tuple[float, str]:
+    """Set the limits and the aspect of the axes of a panel. Return the unit of its lengths [m], and the unit's name."""
+    width, height = panel.high - panel.low
+    unit, unit_name = length_unit(max(width, height))
+    left, bottom = panel.low / unit
+    right, top = panel.high / unit
+    axes.set_aspect("equal" if width <= _LONGEST_TO_SCALE * height else "auto")
+    axes.set(xlim=(left, right), ylim=(bottom, top))
+    return unit, unit_name
 
 
 def _axis_names(data: xarray.Dataset, unit: str, is_turned: bool) -> tuple[str, str]:

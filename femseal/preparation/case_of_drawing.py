@@ -1,8 +1,9 @@
-"""Write a case from the values of a drawing: roughness, marks, diameters, material, force and fluid.
+"""Write a case from the values of a drawing: roughness, machining marks, diameters, material, force and fluid.
 
-The heights of the generated surface are scaled so that it has the Ra or Rz of the drawing. It is as broad as the seal,
-so that its cells stay in order, and at least 24 spacings of the marks long. docs/evidence/drawing.md shows that the
-leakage of larger surfaces differs little.
+The heights of the generated surface are scaled so that it has the Ra or Rz of the drawing. The surface is as wide as
+the seal, so that the cells of the seal stay in the order that they have on the surface. The length of the surface is at
+least 24 times the spacing of the machining marks. docs/evidence/drawing.md shows that the leakage of larger surfaces
+differs little.
 """
 
 from __future__ import annotations
@@ -43,10 +44,10 @@ VICKERS = {
 VICKERS_PRESSURE = 9.80665e6 / 0.9272
 #: Ratio Rz/Ra from which the heights of the surface are estimated before they are scaled.
 _RZ_OVER_RA = 5.0
-#: Largest breadth of a generated surface, in spacings of the marks. Up to this breadth, the surface is as broad as the
-#: seal. For a broader seal, a surface of half of this breadth is generated.
+#: Largest width of a generated surface, in spacings of the machining marks. Up to this width, the surface is as wide as
+#: the seal. For a wider seal, a surface of half of this width is generated.
 MOST_ACROSS = 32
-#: Smallest length of the surface in spacings of the marks. The surface is also at least as long as it is broad.
+#: Smallest length of the surface in spacings of the marks. The surface is also at least as long as it is wide.
 LEAST_ALONG = 24
 #: Total number of points of the surface for the first result.
 _FIRST_POINTS = 2e5
@@ -60,14 +61,14 @@ _USUAL_PRESSURE = 0.3
 
 
 class Question(NamedTuple):
-    """A question about a drawing or specification, and the assumption that is made without an answer.
+    """A question about a drawing or specification, and the value that is assumed if the user does not answer.
 
     Attributes
     ----------
     text : str
         The question.
     assumed : str
-        The assumption, or "" if the answer must be given or follows from other answers.
+        The assumed value. It is "" if the user must answer, or if the value follows from other answers.
     """
 
     text: str
@@ -108,7 +109,7 @@ class Drawing:
     process, lay : str
         One of `_PROCESSES`, and one of `_LAYS`.
     pitch : float
-        Feed per revolution, or mean spacing of the marks [m].
+        Feed per revolution, or mean spacing of the machining marks [m].
     inner_diameter, outer_diameter : float
         Diameters of the contact area [m].
     metal : str
@@ -156,9 +157,10 @@ def read_drawing(given: Mapping[str, str | None], ask: Callable[[str, str], str]
     Parameters
     ----------
     given : mapping
-        Values as texts, with the names of `QUESTIONS` as keys; None for values that are not given.
+        Values as texts, by the names of `QUESTIONS`. A value that is not given is None.
     ask : callable or None
-        Called as `ask(question, assumption)`, returns the answer of the user. With None, nothing is asked.
+        Function that is called as `ask(question, assumption)` and returns the answer of the user. If it is None, no
+        question is asked.
 
     Raises
     ------
@@ -184,7 +186,10 @@ def read_drawing(given: Mapping[str, str | None], ask: Callable[[str, str], str]
 
 
 def _needs_answer(name: str, texts: dict[str, str]) -> bool:
-    """Return whether the user should be asked for a value, after those in `texts` have been given."""
+    """Return whether the user should be asked for a value.
+
+    texts : values that have already been given.
+    """
     if name in texts:
         return False
     if name in ("ra", "rz"):  # one of them is enough
@@ -195,12 +200,15 @@ def _needs_answer(name: str, texts: dict[str, str]) -> bool:
 
 
 def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing:
-    """Convert the values of a drawing from texts to SI units, and check them."""
+    """Convert the values of a drawing from texts to SI units, and check them.
+
+    texts : values by the names of `QUESTIONS`. assumed : names of the values that are assumed.
+    """
     process = _one_of("--process", texts["process"], _PROCESSES)
     lay = _one_of("--lay", texts["lay"], _LAYS)
     if ("ra" in texts) == ("rz" in texts):
         given = "both" if "ra" in texts else "neither Ra nor Rz"
-        raise InputError("--ra, --rz", given, "one of them, such as --ra 1.6um")
+        raise InputError("--ra, --rz", given, "one of the two options, such as --ra 1.6um")
     if process != "turned":
         texts.setdefault("pitch", _USUAL_SPACING[process])
     if "pitch" not in texts:
@@ -215,17 +223,19 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
         expected = f"more than the inner diameter of {to_text(inner, 'm')}"
         raise InputError("--outer-diameter", texts["outer_diameter"], expected)
     breadth = (outer - inner) / 2
-    if lengths["pitch"] > breadth / 2:
+    if (
+        lengths["pitch"] > breadth / 2
+    ):  # at least two marks must lie side by side on the contact area
         expected = f"at most half the breadth of the contact area, {to_text(breadth / 2, 'm')}"
         raise InputError("--pitch", texts["pitch"], expected)
-    metal = next((name for name in METALS if METALS[name][0] == named_solid(texts["metal"])), "")
+    metal = _metal_name(texts["metal"])
     hardness = _hardness(texts.get("hardness", f"{VICKERS[metal]} HV"))
     area = pi / 4 * (outer**2 - inner**2)
-    force = _USUAL_PRESSURE * hardness * area
     if "force" in texts:
         force = _positive("force", texts["force"], "N")
     else:
-        force = float(f"{force:.2g}")
+        usual_force = _USUAL_PRESSURE * hardness * area
+        force = float(f"{usual_force:.2g}")  # rounded to two digits
     if force >= hardness * area:
         given = f"{texts['force']}, which is {to_text(force / area, 'Pa', 3)} of nominal pressure"
         raise InputError(
@@ -250,6 +260,15 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
     )
 
 
+def _metal_name(text: str) -> str:
+    """Return the name in `METALS` of a metal, which the user may have written in another way."""
+    solid = named_solid(text)  # raises an InputError for an unknown name
+    for name, (known_solid, _source) in METALS.items():
+        if known_solid == solid:
+            return name
+    return ""
+
+
 def _one_of(name: str, text: str, choices: tuple[str, ...]) -> str:
     """Return a choice in lower case; raise InputError if it is not one of the choices."""
     if text.lower() not in choices:
@@ -258,7 +277,7 @@ def _one_of(name: str, text: str, choices: tuple[str, ...]) -> str:
 
 
 def _positive(name: str, text: str, unit: str) -> float:
-    """Convert a text to an SI value; raise InputError unless it is > 0."""
+    """Convert a text to a value in SI. Raise InputError unless the value is > 0."""
     option = f"--{name.replace('_', '-')}"
     value = to_si(text, unit, option)
     if not value > 0:
@@ -267,7 +286,7 @@ def _positive(name: str, text: str, unit: str) -> float:
 
 
 def _hardness(text: str) -> float:
-    """Convert a hardness to Pa, from a pressure or from a Vickers hardness such as "45 HV"."""
+    """Convert a hardness to Pa. The text is a pressure, or a Vickers hardness such as "45 HV"."""
     number, is_vickers, _ = text.upper().partition("HV")
     if not is_vickers:
         return _positive("hardness", text, "Pa")
@@ -283,11 +302,11 @@ class _SurfaceSize(NamedTuple):
     Attributes
     ----------
     points, better_points : (int, int)
-        Numbers of points along x1 and x2, for a first result and for a refined one.
+        Numbers of points along x1 and x2: for a quick first result, and for a more accurate one.
     size : (float, float)
         Lengths along x1 and x2 [m].
     breadth : float or None
-        Breadth of the seal if it is broader than the surface [m], else None.
+        Width of the seal [m] if the seal is wider than the surface. Otherwise None.
     """
 
     points: tuple[int, int]
@@ -297,35 +316,44 @@ class _SurfaceSize(NamedTuple):
 
 
 def _surface_size(drawing: Drawing) -> _SurfaceSize:
-    """Choose the size of the generated surface and its numbers of points."""
-    # breadth and length of the surface, in spacings of the marks
+    """Choose the size of the generated surface and its numbers of points along x1 and x2."""
+    # width (along x1) and length (along x2) of the surface, in spacings of the machining marks
     spacings_x1 = drawing.breadth / drawing.pitch
     breadth = None
     if spacings_x1 > MOST_ACROSS:
         spacings_x1 = float(MOST_ACROSS // 2)
         breadth = drawing.breadth
     spacings_x2 = max(LEAST_ALONG, round(spacings_x1))
+    # number of points per spacing along each axis, so that the surface has about `_FIRST_POINTS` points
     per_spacing = sqrt(_FIRST_POINTS / (spacings_x1 * spacings_x2))
     per_spacing = min(max(per_spacing, _FEWEST_PER_SPACING), _MOST_PER_SPACING)
 
     def points(per_spacing: float) -> tuple[int, int]:
+        """Return the numbers of points along x1 and x2 for a number of points per spacing."""
         return _fast_length(spacings_x1 * per_spacing), _fast_length(spacings_x2 * per_spacing)
 
     size = (spacings_x1 * drawing.pitch, spacings_x2 * drawing.pitch)
-    return _SurfaceSize(points(per_spacing), points(2 * per_spacing), size, breadth)
+    return _SurfaceSize(
+        points=points(per_spacing),
+        better_points=points(2 * per_spacing),
+        size=size,
+        breadth=breadth,
+    )
 
 
 def _fast_length(points: float) -> int:
-    """Return an even number of points for which Fourier transforms are fast, close to the given number or above it."""
+    """Return an even number of points for which Fourier transforms are fast. It is about `points`, or a little more."""
     return 2 * int(scipy.fft.next_fast_len(round(points / 2), real=True))
 
 
 def _face_keys(drawing: Drawing, scale: float) -> dict[str, Any]:
-    """Return the keys of [face] that describe its heights, which are multiplied by `scale`.
+    """Return the keys of [face] that describe the heights of the surface.
 
-    The proportions between the keys are typical of the process. The heights themselves are rough estimates from Ra or
-    Rz, which `case_of_drawing` corrects by `scale`.
+    The ratios between these keys are typical of the process. The heights themselves are first estimated roughly from
+    the Ra or Rz of the drawing, and then multiplied by `scale`. `case_of_drawing` chooses this factor so that the
+    surface has the Ra or Rz of the drawing.
     """
+    # estimate of Rz; the factors below, by which it is multiplied, are typical of surfaces of each process
     height = drawing.rz or _RZ_OVER_RA * (drawing.ra or 0.0)
 
     def length(value: float) -> str:
@@ -377,7 +405,7 @@ def case_of_drawing(drawing: Drawing) -> str:
 
 
 def _scale_to_drawing(drawing: Drawing, case: Case) -> float:
-    """Generate the surface of a case, and return the ratio of the Ra or Rz of the drawing to that of the surface."""
+    """Return the factor by which the heights of a surface must be multiplied to have the Ra or Rz of the drawing."""
     surface = condition_surface(case).surface.shortest_patch
     spacing = drawing.pitch if drawing.process in ("turned", "ground") else None
     roughness = profile_roughness(surface, spacing)
@@ -397,7 +425,7 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
     size : _SurfaceSize
         Size of the generated surface.
     scale : float
-        Factor on its estimated heights.
+        Factor by which the estimated heights of the surface are multiplied.
     """
     face: dict[str, Any] = _face_keys(drawing, scale)
     face["points"] = list(size.points)
@@ -451,7 +479,7 @@ def _force(value: float) -> str:
 
 
 def _text(drawing: Drawing, size: _SurfaceSize, tables: dict[str, Any]) -> str:
-    """Write the tables as TOML, with comments on the meaning of keys and on assumed values."""
+    """Write the tables as TOML, with comments that explain keys and mark assumed values."""
     comments = _comments(drawing, size)
     lines = [
         f"# A case from a drawing: {drawing.process}, {_stated_roughness(drawing)}, ring of "
@@ -481,7 +509,7 @@ def _stated_roughness(drawing: Drawing) -> str:
 
 
 def _process_comment(drawing: Drawing) -> str:
-    """Return a comment on the kind of the generated surface, "" if it needs none."""
+    """Return a comment for the key `kind` of the generated surface, or "" if no comment is needed."""
     if drawing.process == "turned":
         return "assumed" if "process" in drawing.assumed else ""
     if drawing.process == "ground":
@@ -490,10 +518,10 @@ def _process_comment(drawing: Drawing) -> str:
 
 
 def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str]:
-    """Return the comment on each key that has one, by the names of its table and of the key."""
+    """Return the comments on keys of the case, by the pair (name of the table, name of the key)."""
 
     def assumed(*names: str) -> str:
-        """Return a prefix that says that one of the values was assumed, else ""."""
+        """Return "assumed: " if at least one of these values was assumed, and "" otherwise."""
         return "assumed: " if drawing.assumed & set(names) else ""
 
     better_points = as_toml(list(size.better_points))

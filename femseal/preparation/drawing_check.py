@@ -1,4 +1,4 @@
-"""Compare Ra and Rz of a generated surface across its marks with the values of a drawing."""
+"""Compare Ra and Rz of a generated surface, measured perpendicular to the machining marks, with the drawing."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def drawing_text(case: Case, surface: Surface) -> str:
 
 
 def drawing_warnings(case: Case, surface: Surface) -> Iterator[str]:
-    """Warn if the generated surface does not have the Ra or Rz that the case gives from a drawing."""
+    """Warn if the Ra or Rz of a generated surface differs from the value of the drawing, which the case contains."""
     roughness = _roughness(case, surface)
     if roughness is None:
         return

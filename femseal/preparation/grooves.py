@@ -23,28 +23,40 @@ _LEAST_GROOVES = 3
 
 
 def layout_with_grooves(case: Case) -> Layout:
-    """Return the shape of the seal, with the lay of the grooves of its surface.
+    """Return the shape of the seal, including the lay of the surface: how its grooves run around the seal.
 
-    The grooves of a generated turned face form a spiral, whose lead is the pitch of the grooves. This does not apply if
-    the case gives the lay or has two faces. The circumference of a spiral on a strip is the length of the seal, unless
-    the case gives it.
+    If the case does not give the lay, the grooves of a single generated turned face form a spiral. The lead of this
+    spiral is the pitch of the grooves. The circumference of a spiral on a strip is the length of the seal, unless the
+    case gives the circumference.
     """
-    layout, circumference, face = case.layout, _circumference(case), case.face[0]
+    layout = case.layout
     if not isinstance(layout, RectangularLayout | AnnularLayout):
         return layout
     lay = layout.lay
-    is_single = len(case.face) == 1
-    if is_single and isinstance(face, TurnedFace) and face.pitch < face.size[0]:
-        lay_is_given = "lay" in case.seal.model_fields_set
-        if circumference is not None and not lay_is_given:
-            lay = Lay(name="spiral", lead=face.pitch)
-    if lay.name == "spiral" and isinstance(layout, RectangularLayout) and lay.circumference is None:
+    circumference = _circumference(case)
+    lay_is_given = "lay" in case.seal.model_fields_set
+    pitch = _pitch_of_turned_face(case)
+    if pitch is not None and circumference is not None and not lay_is_given:
+        lay = Lay(name="spiral", lead=pitch)
+    is_strip = isinstance(layout, RectangularLayout)
+    if lay.name == "spiral" and is_strip and lay.circumference is None:
         lay = replace(lay, circumference=circumference)
     return replace(layout, lay=lay)
 
 
+def _pitch_of_turned_face(case: Case) -> float | None:
+    """Return the pitch [m] of a single generated turned face, or None if the face of the case is of another kind.
+
+    A face with less than one groove counts as a face without grooves.
+    """
+    face = case.face[0]
+    if len(case.face) > 1 or not isinstance(face, TurnedFace) or face.pitch >= face.size[0]:
+        return None
+    return face.pitch
+
+
 def groove_warnings(case: Case, surface: Surface) -> Iterator[str]:
-    """Warn that the grooves of a measured surface may be a spiral, unless the case gives the lay."""
+    """Warn that the grooves of a measured surface may form a spiral, unless the case gives the lay."""
     is_measured = all(isinstance(table, FileFace) for table in case.face)
     can_be_spiral = isinstance(case.layout, RectangularLayout | AnnularLayout)
     lay_is_given = "lay" in case.seal.model_fields_set
@@ -62,9 +74,9 @@ def groove_warnings(case: Case, surface: Surface) -> Iterator[str]:
 
 
 def groove_pitch(surface: Surface) -> float | None:
-    """Find the distance of equally spaced grooves along x2 [m]; return None if the surface has none.
+    """Find the spacing [m] of equally spaced grooves along x2, or return None if the surface has no such grooves.
 
-    With several patches it is the mean over the patches, or None if one of them has no such grooves.
+    For several patches, the mean spacing is returned if all of them have such grooves, and None otherwise.
     """
     if not isinstance(surface, Topography):
         pitches = [groove_pitch(patch) for patch in surface.patches]
@@ -88,7 +100,7 @@ def groove_pitch(surface: Surface) -> float | None:
 
 
 def _circumference(case: Case) -> float | None:
-    """Return the length around the seal [m], or None if only the surface itself is solved."""
+    """Return the circumference of the seal [m], or None if the case only describes a surface and not a whole seal."""
     if isinstance(case.layout, AnnularLayout):
         return case.layout.circumference
     return None if case.stochastic is None else case.stochastic.length

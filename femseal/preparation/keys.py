@@ -1,4 +1,7 @@
-"""Name the keys of a case in errors of functions that only know the names of their own arguments."""
+"""Translate errors about arguments of functions into errors about keys of the case.
+
+The functions of the package do not know the case. Their errors contain the names of their arguments.
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -19,7 +22,9 @@ SURFACE_KEYS = {
 
 
 def keys_of_table(table: str, names: str) -> dict[str, str]:
-    """Map names of arguments, separated by blanks, to keys of the same names in a table.
+    """Return the dotted key in a table for each argument, if keys and arguments have the same names.
+
+    names : names of the arguments, separated by spaces.
 
     >>> keys_of_table("stochastic", "length breadth")
     {'length': 'stochastic.length', 'breadth': 'stochastic.breadth'}
@@ -44,12 +49,14 @@ MAP_KEYS = keys_of_table("load", "map") | keys_of_table(
 
 @contextmanager
 def errors_with_keys(keys: dict[str, str], table: str = "") -> Iterator[None]:
-    """Replace names of arguments by keys of a case in an InputError that is raised in the context.
+    """If an InputError is raised within this context, replace the name of the argument by the key of the case.
 
-    keys : key for each argument. table : name of the table that contains the keys, if it is not part of them.
+    keys : dotted key of the case, by the name of the argument. table : name of a table, if the keys are relative to it.
     """
     try:
         yield
     except InputError as error:
-        in_case = error.with_keys(keys)
-        raise (in_case.inside(table) if table else in_case) from error
+        error_in_case = error.with_keys(keys)
+        if table:
+            error_in_case = error_in_case.inside(table)
+        raise error_in_case from error

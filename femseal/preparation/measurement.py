@@ -25,21 +25,21 @@ def is_measured(case: Case, surface: Surface) -> bool:
 def form_check_pressures(case: Case, scene: Scene) -> tuple[float, ...]:
     """Choose the nominal pressures at which the effect of the form of a measured patch is computed [Pa].
 
-    They are up to four of the pressures on loading. There are none if the case defines the form, by `detrend`, by a
-    seat, or by the form of the whole seal.
+    Up to four loads of the loading are chosen. The result is empty if the case defines the form itself: by the key
+    `detrend`, by a seat, or by the form of the whole seal.
     """
     loads = [pressure for pressure in scene.steps.loading if pressure > 0]
-    has_form = case.seat.kind != "flat" or bool(case.seal.form)
-    if not loads or has_form or "detrend" in case.surface.model_fields_set:
+    defines_form = case.seat.kind != "flat" or bool(case.seal.form)
+    if not loads or defines_form or "detrend" in case.surface.model_fields_set:
         return ()
-    # from the lowest to the highest load, at about equal distances in the list
+    # the first load, the last load, and two loads at about equal distances between them in the list
     last = len(loads) - 1
     indices = [n * last // (_FORM_LOADS - 1) for n in range(_FORM_LOADS)]
     return tuple(sorted({loads[index] for index in indices}))
 
 
 def filter_warnings(case: Case, surface: Surface, conditioning: Conditioning) -> Iterator[str]:
-    """Warn if the filter removes much of the measured slope, or if it keeps much noise."""
+    """Warn if the filter removes a large part of the measured slope, or if it keeps much noise."""
     if case.surface.continue_spectrum is not None:
         return
     measured = to_text(conditioning.shortest_measured, "m", 3)

@@ -21,7 +21,7 @@ _TILE_BYTES = 4000
 
 @contextmanager
 def refuse_impossible_sizes() -> Iterator[None]:
-    """Raise InputError for sizes that no array can have, and for numbers that no float can hold."""
+    """Convert errors of Python within this context, which mean that a size or number is too large, to an InputError."""
     try:
         yield
     except (MemoryError, OverflowError, RecursionError) as error:
@@ -31,7 +31,10 @@ def refuse_impossible_sizes() -> Iterator[None]:
 
 
 def check_memory(key: str, given: object, needed: float) -> None:
-    """Raise InputError for a key and its value if they need more memory [byte] than is free."""
+    """Raise InputError if the value of a key requires more memory than is free.
+
+    key : key of the case. given : its value, as text for the message. needed : required memory [byte].
+    """
     free = free_memory()
     if needed > free:
         expected = (
@@ -44,7 +47,8 @@ def check_memory(key: str, given: object, needed: float) -> None:
 def check_memory_of_points(key: str, shape: Shape, patches: int = 1) -> None:
     """Raise InputError if a surface does not fit into the free memory.
 
-    shape : numbers of points along x1 and x2, of all patches together.
+    key : key of the case, for the message. shape : numbers of points along x1 and x2, for all patches together.
+    patches : number of patches.
     """
     together = f" of {patches} patches together" if patches > 1 else ""
     check_memory(key, f"{shape[0]} × {shape[1]} points{together}", prod(shape) * _POINT_BYTES)

@@ -1,6 +1,6 @@
-"""Prepare the input of the studies from a case: its scene, cells and sampling.
+"""Prepare the input of the studies from a case: surface, loads, fluid, cells, and the sampling of stochastic seals.
 
-It is first checked that the sizes of the case fit into the free memory. Neither contact nor flow is solved.
+First, the sizes in the case are compared with the free memory. Neither contact nor flow is solved.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from .surface import condition_surface
 
 @dataclass(frozen=True)
 class Prepared:
-    """Input of the studies that was prepared from a case, with the history of its surface.
+    """Input of the studies that was prepared from a case, with reports on how the surface was prepared.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Prepared:
         Parameters
         ----------
         surface : Topography or Patches
-            Surface of the scene, possibly on a coarser grid.
+            Surface of the scene, or the same surface on a coarser grid.
         mapper : callable
             Computes a stage for many items, such as the builtin `map`.
         """
@@ -126,20 +126,21 @@ class Prepared:
     def estimate(self) -> QuickEstimate | None:
         """Estimate contact and leakage from the spectrum of the surface alone, see `checks.estimate_scene`.
 
-        Returns None if a form, a pressure map or a spiral determines the leakage. After a study has been solved, the
-        estimate is part of its result.
+        Returns None if a form, a pressure map or a spiral determines the leakage. The result of a solved study contains
+        this estimate as well.
         """
         if self.sampling is None:
             return estimate_scene(self.scene)
         if not self.sampling.presses_evenly:
             return None
-        seal = self.cut_and_tiles[1].seal
+        _, tiles = self.cut_and_tiles
+        seal = tiles.seal
         return estimate_scene(self.scene, open_leakage_per_permeability(self.scene, seal))
 
     def solve_form_effect(self) -> FormEffect | None:
         """Solve contact and flow of a measured patch with and without its form, see `checks.solve_form_effect`.
 
-        Returns None if the case defines the form, and for a surface that was not measured.
+        Returns None if the case defines the form, or if the surface was not measured.
         """
         if not self.form_pressures:
             return None
@@ -155,25 +156,35 @@ class Prepared:
 
     @property
     def solved_studies(self) -> list[Study]:
-        """Studies that are solved. The two-scale result includes that of the deterministic study."""
-        is_included = "two-scale" in self.methods
-        return [s for s in self.studies if not (is_included and s.name == "deterministic")]
+        """Studies that are solved.
+
+        If the methods include the two-scale study, the deterministic study is not solved separately, because its result
+        is part of the two-scale result.
+        """
+        if "two-scale" in self.methods:
+            return [study for study in self.studies if study.name != "deterministic"]
+        return self.studies
 
     @property
     def answer(self) -> Study:
-        """Study whose leakage is the result of the run. It is the last one, which is closest to the whole seal."""
+        """Study that gives the leakage of the run.
+
+        It is the last one of `studies`. Their order ends with the study in blocks and the stochastic study, which
+        describe more of the seal than the other ones.
+        """
         return self.studies[-1]
 
     def options(self, study: Study) -> StudyOptions:
-        """Return the options of a study."""
+        """Return the options with which a study is solved in this run."""
         is_first = study.name == self.solved_studies[0].name
         return StudyOptions(self.cells, self.sampling, surface_is_solved=not is_first)
 
     def with_realisations(self, count: int) -> Prepared:
         """Return a copy of the input with this number of realisations, if it has a stochastic study.
 
-        Two solutions with the same number of realisations have the same realisations. A number that depends on the
-        scatter of the leakage would differ between fluids, surfaces and laws.
+        Two solutions with the same number of realisations consist of the same realisations, and can be compared one by
+        one. Without a given number, it follows from the scatter of the leakage, and differs between solutions with
+        different fluids, surfaces or contact laws.
         """
         if self.sampling is None:
             return self
@@ -181,27 +192,31 @@ class Prepared:
 
     @property
     def least_points(self) -> Shape:
-        """Smallest numbers of points along x1 and x2 with which the cells of stochastic seals can be made."""
+        """Smallest numbers of points along x1 and x2 that the cells of stochastic seals require."""
         m1, m2 = self.cells if self.cells is not None and "stochastic" in self.methods else (1, 1)
         return FEWEST_POINTS * m1, FEWEST_POINTS * m2
 
     @property
     def points_divide_by(self) -> Shape:
-        """Numbers along x1 and x2 by which the numbers of points must be divisible: the cells of all blocks."""
+        """Divisors of the numbers of points along x1 and x2.
+
+        For the study in blocks, each cell must have the same number of points, and the divisors are the numbers of
+        cells. For other studies, the divisors are 1.
+        """
         return self.cells if self.cells is not None and "blocks" in self.methods else (1, 1)
 
     @property
     def cut_and_tiles(self) -> tuple[Cut, SealTiles]:
-        """Division of the surface into cells, and tiles of the stochastic seal."""
+        """The division of the surface into cells, and the tiles of the stochastic seal."""
         assert self.sampling is not None
         return cut_and_cover(self.scene.surface, self.scene.layout, self.cells, self.sampling)
 
     def replaced(self, **changes: Any) -> Prepared:
-        """Return a copy of the input with other attributes."""
+        """Return a copy of the input, with these attributes replaced."""
         return replace(self, **changes)
 
     def changed(self, change: ModelChange) -> Prepared:
-        """Return a copy of the input with a changed model."""
+        """Return a copy of the input with a change of the model, for the error budget."""
         sampling = self.sampling
         if change.forms and sampling is not None:
             sampling = replace(sampling, form=change.forms)
@@ -245,14 +260,16 @@ class Prepared:
 
 
 def prepare(case: Case) -> Prepared:
-    """Generate or read the faces of a case, condition their sum, and lay out cells and seals.
+    """Prepare the input of the studies from a case.
 
-    Neither contact nor flow is solved here. `Prepared.solve_form_effect` and `Prepared.estimate` do so for the checks.
+    The faces are generated or read, repaired, added, filtered and resampled. Then the surface is divided into cells,
+    and the size of the seal is determined. Contact and flow are not solved here, but in
+    `Prepared.solve_form_effect` and `Prepared.estimate`, if a check requires them.
 
     Raises
     ------
     InputError
-        A face cannot be read or used, or cells or seals do not fit its size.
+        A face cannot be read or used, or the size of cells or seal does not suit the surface.
     """
     with refuse_impossible_sizes(), errors_with_keys(SCENE_KEYS):
         conditioned = condition_surface(case)
@@ -262,7 +279,8 @@ def prepare(case: Case) -> Prepared:
         seat = None if case.seat.kind == "flat" else case.seat.make(case.folder)
         load_factor = 1.0 if seat is None else seat.load_factor
         breadth, length = seal.size
-        pressures = _nominal_pressures(case, breadth * length / load_factor, length)
+        loaded_area = breadth * length / load_factor
+        pressures = _nominal_pressures(case, loaded_area, length)
         surface_on_seat = _add_seat(case, seat, surface, seal.form_is_separate)
         scene = _make_scene(case, surface_on_seat, layout, pressures)
         sampling = seal.sampling
@@ -313,7 +331,7 @@ def prepare(case: Case) -> Prepared:
 
 
 def _test_fluid_warnings(case: Case) -> Iterator[str]:
-    """Warn of a test gas that is not ideal at its pressures."""
+    """Warn if the test fluid is treated as an ideal gas, but is not ideal at its pressures."""
     test = case.output.test_fluid
     if test is not None:
         key = "output.test_fluid"
@@ -323,16 +341,16 @@ def _test_fluid_warnings(case: Case) -> Iterator[str]:
 def _form_tolerance(
     case: Case, sampling: Sampling | None, seat: Seat | None
 ) -> FormTolerance | None:
-    """Collect the forms of the seal or of its seat with their tolerances; return None if both are flat."""
+    """Collect the forms of the seal and of its seat, with their tolerances. Return None if both are flat."""
     if sampling is not None and sampling.form:
-        # the forms of the seal, followed by that of the seat if it is one of them
+        # the form of a seat, if there is one, is the last form of the seal
         tolerances = [table.tolerance for table in case.seal.form or ()]
         if seat is not None:
             tolerances.append(case.seat.tolerance)
         return FormTolerance(sampling.form, tuple(tolerances))
     if seat is None:
         return None
-    # the form of this seat was added to the heights of the surface
+    # in this case, the form of the seat was added to the heights of the surface
     return FormTolerance(seat=seat, tolerance=case.seat.tolerance)
 
 
@@ -347,8 +365,9 @@ class _Seal:
     size : (float, float)
         Breadth and length of the seal [m].
     form_is_separate : bool
-        How the form of a seat is treated. If True, it is the form of the whole seal and determines the pressure of its
-        tiles. If False, it is added to the heights of the surface, whose cells stay in order.
+        How the form of a seat is treated. If True, it is a form of the whole seal, which determines the contact
+        pressure of each tile. If False, it is added to the heights of the surface. The cells of the seal then have the
+        same order as on the surface.
     """
 
     sampling: Sampling | None
@@ -357,35 +376,43 @@ class _Seal:
 
 
 def _lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | None) -> _Seal:
-    """Determine the size of the seal, and how the form of its seat is treated."""
+    """Determine the size of the seal, and how the form of its seat is treated.
+
+    Without a stochastic study, the seal is the surface itself.
+    """
     table = case.stochastic if "stochastic" in case.methods else None
     if table is None:
-        return _Seal(None, surface.size, False)
+        return _Seal(sampling=None, size=surface.size, form_is_separate=False)
     length = table.length
     if length is None and layout.has_length:
         length = surface.size[1]
     sampling = Sampling(length, table.realisations, seed=case.seed, breadth=table.breadth)
     check_memory_of_tiles(layout, sampling, surface)
     if table.realisations is not None:
+        # two numbers of 8 byte for each realisation and load step
         needed = 16 * case.load.steps * table.realisations
         check_memory("stochastic.realisations", table.realisations, needed)
     with errors_with_keys(SEAL_KEYS):
         cut, tiles = cut_and_cover(surface, layout, cells, sampling)
     form_is_separate = not tiles.in_order or bool(case.seal.form)
-    if length is None:
+    if length is None:  # the shape of the seal determines its size
         return _Seal(sampling, tiles.size, form_is_separate)
     cell_length = cut.size[1]
     if length < cell_length * (1 - 1e-9):
         expected = f"at least the length of a cell, {to_text(cell_length, 'm', 3)}"
         raise InputError("stochastic.length", to_text(length, "m", 3), expected)
-    return _Seal(sampling, (table.breadth or surface.size[0], length), form_is_separate)
+    breadth = table.breadth or surface.size[0]
+    return _Seal(sampling, (breadth, length), form_is_separate)
 
 
 def _add_seat(case: Case, seat: Seat | None, surface: Surface, form_is_separate: bool) -> Surface:
-    """Add the form of a seat to the heights of the surface, unless it is the form of the whole seal.
+    """Add the form of a seat to the heights of the surface, unless it is treated as a form of the whole seal.
 
-    Raises InputError if the form is too steep or narrower than the surface, or if it is the form of the whole seal and
-    the case has a method that solves the surface itself.
+    Raises
+    ------
+    InputError
+        The form is too steep, or narrower than the surface. Or it is treated as a form of the whole seal, but one of
+        the methods only solves the surface.
     """
     if seat is None:
         return surface
@@ -403,7 +430,10 @@ def _add_seat(case: Case, seat: Seat | None, surface: Surface, form_is_separate:
 def _make_scene(
     case: Case, surface: Surface, layout: Layout, pressures: dict[str, tuple[float, ...]]
 ) -> Scene:
-    """Make the scene from the surface, the solids, the nominal pressures and the fluid."""
+    """Create the scene, which consists of the surface, the solids, the loads and the fluid.
+
+    pressures : nominal pressures of the load cycle [Pa], see `LoadTable.pressures`.
+    """
     fluid = case.fluid
     return Scene(
         surface=surface,
@@ -426,8 +456,6 @@ def _make_scene(
 def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tuple[float, ...]]:
     """Convert the loads of a case to nominal pressures [Pa].
 
-    Raises InputError if a force is given for a seal without a length, or if the surface cannot carry the pressure.
-
     Parameters
     ----------
     case : Case
@@ -436,6 +464,11 @@ def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tupl
         Area that carries the loads [m²].
     length : float
         Length of the seal [m].
+
+    Raises
+    ------
+    InputError
+        The loads are forces, but the length of the seal is unknown, or a pressure is not below the hardness.
     """
     stochastic = case.stochastic if "stochastic" in case.methods else None
     has_length = stochastic is not None and (
@@ -443,7 +476,9 @@ def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tupl
     )
     if case.load.unit == "N" and not has_length:
         expected = "pressures, forces per length, or a length in [stochastic]"
-        raise InputError("load.loading", "forces on a seal of no length", expected)
+        raise InputError(
+            "load.loading", "forces, although the length of the seal is unknown", expected
+        )
     pressures = case.load.pressures(area, length)
     highest = max((*pressures["loading"], *pressures["unload_from"]))
     capacity = case.law.capacity
@@ -456,7 +491,11 @@ def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tupl
 
 @dataclass(frozen=True)
 class _PressedSeal:
-    """Options of the stochastic seals with their forms or pressure map, and numbers of cells along x1 and x2."""
+    """Input of the stochastic study, after the forms or the pressure map of the seal have been added.
+
+    sampling : options of the stochastic seals. cells : numbers of cells along x1 and x2. warnings : warnings about the
+    tiles and the pressure map.
+    """
 
     sampling: Sampling
     cells: Shape
@@ -471,9 +510,9 @@ def _press_seal(
     size: Pair,
     forms: tuple[SealForm, ...],
 ) -> _PressedSeal:
-    """Add the forms of the seal to the sampling, or its pressure map if it has no form, and check them.
+    """Add the forms of the seal to the options of the stochastic seals. If there are none, add the pressure map.
 
-    The size of the seal is its breadth and length [m].
+    The forms or the map are checked. size : breadth and length of the seal [m].
     """
     with errors_with_keys(MAP_KEYS):
         if forms:

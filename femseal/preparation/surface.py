@@ -65,7 +65,7 @@ class ConditionedSurface:
     continuation : Continuation or None
         Continuation of its spectrum beyond the measured waves; None if it is not continued.
     cells : (int, int) or None
-        Numbers of cells along x1 and x2. None if the methods need no cells, or choose them themselves.
+        Numbers of cells along x1 and x2. None if no method needs cells, or if the study chooses the numbers later.
     """
 
     surface: Surface
@@ -76,7 +76,7 @@ class ConditionedSurface:
 
 
 def condition_surface(case: Case) -> ConditionedSurface:
-    """Generate or read the faces of a case, and condition their sum.
+    """Generate or read the faces of a case. Repair them, add them, and filter and resample the sum.
 
     Raises
     ------
@@ -86,22 +86,17 @@ def condition_surface(case: Case) -> ConditionedSurface:
     faces = _repair_faces(case)
     level, instrument = faces.surface, faces.instrument
     points = _choose_points(case, level, instrument)
-    continuation = None
     with errors_with_keys(SURFACE_KEYS):
-        shortest_wave = case.surface.shortest_wave
-        if case.surface.continue_spectrum is not None:
-            continuation = continuation_of(
-                level,
-                case.surface.continue_spectrum,
-                longest=shortest_wave or instrument.resolution,
-                rng=case.seed,
-            )
+        continuation = _continuation(case, level, instrument)
+        if continuation is not None:
+            # the filter removes the measured waves that the continuation replaces
             shortest_wave = continuation.longest
-        elif not shortest_wave:
-            shortest_wave = default_wave(level, points, instrument)
+        else:
+            shortest_wave = case.surface.shortest_wave or default_wave(level, points, instrument)
         check_memory_of_points("surface.points", points, len(level.patches))
         patch = level.shortest_patch
         cells = _choose_cells(case, patch, points, shortest_wave)
+        # the share of the shortest patch in the points of all patches, which are side by side along x2
         points_of_patch = (points[0], round(points[1] * patch.shape[1] / level.shape[1]))
         check_wave(shortest_wave, patch.size, points_of_patch)
         surface, conditioning = smooth(
@@ -130,8 +125,17 @@ def condition_surface(case: Case) -> ConditionedSurface:
     return ConditionedSurface(surface, conditioning, faces.overlap, continuation, cells)
 
 
+def _continuation(case: Case, level: Surface, instrument: Instrument) -> Continuation | None:
+    """Return the continuation of the spectrum beyond the measured waves; None if the case does not ask for it."""
+    cut_off = case.surface.continue_spectrum
+    if cut_off is None:
+        return None
+    longest = case.surface.shortest_wave or instrument.resolution
+    return continuation_of(level, cut_off, longest=longest, rng=case.seed)
+
+
 def _check_cells(surface: Surface, cells: Shape, shortest_wave: float) -> None:
-    """Raise InputError if cells are shorter than two shortest waves [m]."""
+    """Raise InputError if a side of the cells is shorter than twice the shortest wave [m]."""
     least = _LEAST_WAVES * shortest_wave
     sides = [length / count for length, count in zip(surface.size, cells, strict=True)]
     if min(sides) < least * (1 - _ROUNDING):
@@ -147,15 +151,15 @@ class _RepairedFaces:
     Attributes
     ----------
     surface : Topography or Patches
-        Sum of the faces without its form, with all patches.
+        Sum of the faces, with all patches. The form has been subtracted.
     first_repair : Repair
-        Report on the repair of the first patch of the sum.
+        Report on the repair of the sum, for its first patch.
     maps : list of RepairedMap
         All measured or generated maps, each repaired separately.
     overlap : Overlap or None
         Overlap of the first patches of two faces; None for a single face.
     instrument : Instrument
-        Instrument with the limits of the worst instrument of all maps.
+        Instrument with the limits of all maps: it sees only the waves that every instrument sees.
     notes : tuple of str
         Sentences on how the files were understood.
     """
@@ -169,10 +173,10 @@ class _RepairedFaces:
 
 
 def _repair_faces(case: Case) -> _RepairedFaces:
-    """Generate or read the maps of each face, repair them, and add the maps of two faces.
+    """Generate or read the maps of each face, and repair them. If there are two faces, add their maps.
 
-    Patch n of one face is in contact with patch n of the other. If a face has fewer patches, its patches are used
-    again from the first one.
+    Patch n of one face is in contact with patch n of the other face. If one face has fewer patches, they are repeated:
+    after its last patch, its first patch is used again.
     """
     # Each face has its own stream of random numbers, which is independent of those of the studies.
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
@@ -194,24 +198,34 @@ def _repair_faces(case: Case) -> _RepairedFaces:
         instruments += [face_map.instrument for face_map in maps]
         notes += [note for face_map in maps for note in face_map.notes]
     all_maps = list(chain(*faces))
+    # each map is a pair of the level map and the report on its repair
     instrument = _joint_instrument(instruments, [level for level, _ in all_maps])
     if len(faces) == 1:
         return _repaired_faces(faces[0], all_maps, None, instrument, notes)
-    count = max(len(maps) for maps in faces)
-    pairs = [[maps[n % len(maps)] for maps in faces] for n in range(count)]
+    first_face, second_face = faces
+    pairs = []
+    for n in range(max(len(first_face), len(second_face))):
+        pairs.append((first_face[n % len(first_face)], second_face[n % len(second_face)]))
     patches, first_overlap = _add_pairs(case, pairs)
     return _repaired_faces(patches, list(chain(*pairs)), first_overlap, instrument, notes)
 
 
 def _add_pairs(
-    case: Case, pairs: Sequence[Sequence[RepairedMap]]
+    case: Case, pairs: Sequence[tuple[RepairedMap, RepairedMap]]
 ) -> tuple[list[RepairedMap], Overlap]:
-    """Add the maps of each pair, one of each face, and repair the sums; also return the overlap of the first pair."""
+    """Add the two maps of each pair, and repair the sums.
+
+    pairs : maps that are in contact, the first one of the first face and the second one of the second face.
+
+    Returns the repaired sums, and the overlap of the maps of the first pair.
+    """
     second_face = case.face[1]
     placement = second_face.placement if isinstance(second_face, FileFace) else {}
     sums = []
     overlaps = []
-    for (first_map, _), (second_map, _) in pairs:
+    for first, second in pairs:
+        first_map, _ = first
+        second_map, _ = second
         total, overlap = combine(first_map, second_map, **placement)
         sums.append(total)
         overlaps.append(overlap)
@@ -229,17 +243,26 @@ def _repaired_faces(
     instrument: Instrument,
     notes: list[str],
 ) -> _RepairedFaces:
-    """Put repaired patches side by side, and collect the results of the repair."""
-    surface: Surface = patches[0][0]
+    """Collect the results of the repair. Several patches become a surface of patches that are side by side."""
+    first_level, first_repair = patches[0]
+    surface: Surface = first_level
     if len(patches) > 1:
         surface = Patches([level for level, _ in patches])
-    return _RepairedFaces(surface, patches[0][1], maps, overlap, instrument, tuple(notes))
+    return _RepairedFaces(
+        surface=surface,
+        first_repair=first_repair,
+        maps=maps,
+        overlap=overlap,
+        instrument=instrument,
+        notes=tuple(notes),
+    )
 
 
 def _treatment(case: Case, spikes: float, is_measured: bool) -> dict[str, Any]:
-    """Return the arguments of `topography.repair`.
+    """Return the keyword arguments for `topography.repair`.
 
-    Only the mean of a generated surface is subtracted, because it has no tilt, and detrending would change its waves.
+    spikes : threshold for the detection of spikes. is_measured : whether the map was measured. Only the mean is
+    subtracted from a generated map, because it has no tilt, and detrending would change its waves.
     """
     detrend = case.surface.detrend
     if detrend is None and not is_measured:
@@ -250,22 +273,30 @@ def _treatment(case: Case, spikes: float, is_measured: bool) -> dict[str, Any]:
 def _joint_instrument(
     instruments: Sequence[Instrument], level_maps: Sequence[Topography]
 ) -> Instrument:
-    """Return an instrument with the limits of the worst instrument of several maps."""
-    resolved_waves = [
+    """Return an instrument that sees only the waves that the instruments of all maps see."""
+    # longest of the shortest waves that the instruments see; 0 if no instrument has a limit
+    resolution = max(
         instrument.shortest_wave(level)
         for instrument, level in zip(instruments, level_maps, strict=True)
-    ]
-    generated_wave = min(instrument.generated_wave or 0.0 for instrument in instruments)
-    return Instrument(resolution=max(resolved_waves) or None, generated_wave=generated_wave or None)
+    )
+    # the sum of the maps counts as a generated surface only if all of them were generated
+    generated_waves = [i.generated_wave for i in instruments if i.generated_wave]
+    all_are_generated = len(generated_waves) == len(instruments)
+    return Instrument(
+        resolution=resolution or None,
+        generated_wave=min(generated_waves) if all_are_generated else None,
+    )
 
 
 def _choose_points(case: Case, level: Surface, instrument: Instrument) -> Shape:
-    """Choose the numbers of grid points of all patches side by side.
+    """Choose the numbers of grid points along x1 and x2. They count the points of all patches, side by side along x2.
 
-    A case gives the numbers for one patch. If it does not, a generated face keeps its points, and a measured face gets
-    as many points as are needed to resolve its shortest measured wave.
+    The key `surface.points` gives the numbers for a single patch. Without this key, a continued spectrum determines the
+    grid. Otherwise a generated surface keeps its points, and a measured surface has as many points as its shortest wave
+    requires.
     """
-    cut_off, points = case.surface.continue_spectrum, case.surface.points
+    points = case.surface.points
+    cut_off = case.surface.continue_spectrum
     if points is not None:
         size = level.shortest_patch.size
         if cut_off is not None and cut_off < resolved_wave(size, points) * (1 - _ROUNDING):
@@ -280,36 +311,42 @@ def _choose_points(case: Case, level: Surface, instrument: Instrument) -> Shape:
 
 
 def over_all_patches(surface: Surface, counts: Shape) -> Shape:
-    """Scale numbers of points or cells of the shortest patch to all patches side by side."""
+    """Convert numbers of points or cells of the shortest patch to numbers for all patches, side by side along x2."""
     return counts[0], round(counts[1] * surface.shape[1] / surface.shortest_patch.shape[1])
 
 
 def default_points(level: Surface, shortest_wave: float | None, instrument: Instrument) -> Shape:
     """Choose the numbers of grid points for a measured surface.
 
-    The surface keeps its pixels if waves of at least 8 pixels contain nearly all of its slope. Otherwise it gets as
-    many points as resolve its shortest wave, see `topography.resolving_shape`.
+    Waves must be at least 8 pixels long to be resolved. If nearly all of the rms slope is in such waves, the grid is
+    that of the measured pixels. Otherwise the grid is finer, so that it resolves the shortest measured wave, see
+    `topography.resolving_shape`. A grid that was chosen in this way has at most `MOST_POINTS` points.
 
     Parameters
     ----------
     level : Topography or Patches
         Surface without undefined points.
     shortest_wave : float or None
-        Wavelength of the filter [m], which determines the grid if it is given.
+        Wavelength of the filter [m]. If it is given, the grid must resolve this wave.
     instrument : Instrument
         Instrument with which the surface was measured.
     """
-    wave_of_pixels = resolved_wave(level.size, level.shape)
-    wave = shortest_wave
+    wave_of_pixels = resolved_wave(
+        level.size, level.shape
+    )  # shortest wave that the measured pixels resolve
+    wave = shortest_wave  # wave that the grid must resolve
     if wave is None:
+        # shortest wave above noise and within the limits of the instrument
         measured = max(spectrum(level).shortest_wave, instrument.shortest_wave(level))
         slope_on_pixels = level.rms_slope_of_long_waves(wave_of_pixels)
         slope = level.rms_slope_of_long_waves(measured)
         wave = wave_of_pixels if slope_on_pixels >= KEPT_SLOPE * slope else measured
     if wave >= wave_of_pixels and level.heights.size <= MOST_POINTS:
         return level.shape
+    # a finer grid or, if there are too many pixels, a coarser one
     points = resolving_shape(level.size, min(wave, wave_of_pixels), most=MOST_POINTS)
     if shortest_wave is not None and resolved_wave(level.size, points) > wave:
+        # the limit of the number of points does not apply to a wave that the user has chosen
         return resolving_shape(level.size, wave)
     return points
 
@@ -319,10 +356,12 @@ def _choose_cells(
 ) -> Shape | None:
     """Choose the numbers of cells along both axes of a patch; return None if no method needs cells.
 
-    If the case does not give them, they follow from the blocks, from the stochastic seals, or from a cell size of at
-    least eight shortest waves.
+    The case can give the size of the cells or their numbers. Otherwise the first of these rules that applies determines
+    the numbers: a block has a fixed number of cells; a stochastic study has its usual cells; the sides of a cell are at
+    least eight times the shortest wave.
     """
-    table, stochastic = case.cells or CellsTable(), case.stochastic
+    table = case.cells or CellsTable()
+    stochastic = case.stochastic
     if case.methods == {"deterministic"}:
         return None
     if table.size is not None:
@@ -338,7 +377,7 @@ def _choose_cells(
         blocks = usual_blocks(points)
         return CELLS * blocks[0], CELLS * blocks[1]
     if "two-scale" not in case.methods:
-        return None
+        return None  # a stochastic study chooses its cells later
     if stochastic is not None and "stochastic" in case.methods:
         is_in_order = case.layout.has_length and stochastic.breadth is None
         return usual_cells(patch, in_order=is_in_order)

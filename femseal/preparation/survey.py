@@ -72,14 +72,14 @@ _SHOWN_LINES = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "sh
 
 @dataclass(frozen=True)
 class _SurveyedSurface:
-    """Results of the survey of a surface.
+    """Description of a measured surface, and results of its checks.
 
     Attributes
     ----------
     report : SurfaceReport
         Description of the surface as measured.
     conditioning : Conditioning or None
-        Report on the conditioning as in a run; None if a run would reject the surface.
+        Report on how a run would repair and filter the surface; None if a run would reject the surface.
     waves : Representative or None
         Longest waves of the surface; None for a flat surface.
     form_effect : FormEffect or None
@@ -105,7 +105,10 @@ class _SurveyedSurface:
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences on the longest waves, the form and the quick estimate, with warnings in place of descriptions."""
+        """Sentences on the longest waves, the form and the quick estimate.
+
+        If there are warnings about the longest waves or the form, they replace the description.
+        """
         texts = []
         if self.waves is not None:
             texts += self.waves.warnings or [str(self.waves)]
@@ -200,7 +203,7 @@ def _in_metres(**options: Any) -> dict[str, Any]:
 def survey_surface(
     face: Topography, wave: float | None, treatment: dict[str, Any], instrument: Instrument
 ) -> _SurveyedSurface:
-    """Describe a surface, condition it as a run does, and check its longest waves and its form.
+    """Describe a surface, repair and filter it as a run does, and check its longest waves and its form.
 
     Parameters
     ----------
@@ -213,11 +216,12 @@ def survey_surface(
     instrument : Instrument
         Instrument with which the surface was measured.
     """
-    reasons: list[str] = []
+    reasons: list[str] = []  # for which a run would reject the surface
     try:
         report = describe_surface(face, **treatment)
     except TooManyUndefined as error:
         reasons.append(f"{error.given}, expected {error.expected}")
+        # describe the surface nevertheless, with any number of undefined points
         report = describe_surface(face, **treatment | {"max_undefined": 1.0})
     try:
         with errors_with_keys(SURFACE_OPTIONS):
@@ -231,7 +235,8 @@ def survey_surface(
                 instrument=instrument,
             )
     except InputError as error:
-        # If the user has chosen the filter, an error may be due to that choice.
+        # An error about a filter that the user has chosen is raised. Other errors mean that a run would reject the
+        # surface.
         is_fault_of_the_surface = isinstance(error.__cause__, TooManyUndefined)
         if wave is not None and not is_fault_of_the_surface:
             raise
@@ -239,23 +244,26 @@ def survey_surface(
     surveyed = _SurveyedSurface(report, conditioning, reasons=tuple(reasons))
     if not surface.rms_slope:
         return surveyed
+    # the checks are for the surface with its form; only the tilt is subtracted
     with_form = level.with_heights(level.heights + repaired.form.heights).detrend(None)
     with_form = with_form.low_pass(conditioning.shortest_wave)
-    # Ratios of leakages and contact fractions depend only on the ratio of pressure and hardness to E*, which is 1 here.
-    hardness = _HARDNESS * with_form.rms_slope
+    # Ratios of leakages and contact fractions only depend on the ratios of pressure and hardness to the contact
+    # modulus. The modulus can therefore be 1.
+    modulus = 1.0
+    hardness = _HARDNESS * modulus * with_form.rms_slope
     pressures = [fraction * hardness for fraction in _PRESSURES]
     law = PerfectlyPlastic(hardness)
-    estimate = estimate_surface(with_form, 1.0, hardness, pressures)
+    estimate = estimate_surface(with_form, modulus, hardness, pressures)
     return replace(
         surveyed,
         waves=representative(surface),
-        form_effect=solve_form_effect(with_form, 1.0, law, pressures, loads=_LOADS),
+        form_effect=solve_form_effect(with_form, modulus, law, pressures, loads=_LOADS),
         quick_estimate=f"quick estimate at {_LOADS}: {estimate}",
     )
 
 
 def _indented(report: object) -> list[str]:
-    """Return the lines of a report, indented by two blanks."""
+    """Return the lines of a report, indented by two spaces."""
     return indent(str(report), "  ").splitlines()
 
 
@@ -284,9 +292,9 @@ def case_of_face(
     spacing: tuple[str, str] | None = None,
     height_unit: str | None = None,
 ) -> str:
-    """Write the text of a first case for a measured surface, with questions about everything else.
+    """Write the text of a first case for a measured surface. Comments ask the user for everything else.
 
-    Material, load and fluid have the values of the template, which the user replaces.
+    Material, load and fluid are the examples of the template, which the user has to replace.
 
     Parameters
     ----------
@@ -347,7 +355,10 @@ def case_of_face(
 
 
 def _require_scale(path: Path, file_content: Look) -> None:
-    """Raise InputError if the pixel size of a map or the unit of its heights is not known; NumPy arrays are in m."""
+    """Raise InputError if the pixel size of a map or the unit of its heights is not known.
+
+    The unit of heights in NumPy files is m.
+    """
     has_pixel, has_unit = file_content.is_known
     missing = {} if has_pixel else {"pixel size": "--spacing '1 um' '1 um'"}
     if not has_unit and path.suffix.lower() not in (".npy", ".npz"):

@@ -1,4 +1,4 @@
-"""Write the results folder of a run in such a way that an interrupted run never damages earlier results."""
+"""Write the results folder of a run. If the run is interrupted, earlier results in the folder remain intact."""
 
 import json
 import os
@@ -71,7 +71,7 @@ def write_folder(
         Whether to write the pictures, the report, and the fields over all pixels. If neither pictures nor a report are
         written, nothing is drawn.
     picture_formats : sequence of {"png", "svg", "pdf"}
-        Formats of the pictures. Those on the page of the report are always PNG.
+        Formats of the picture files. The pictures on the page of the report are always PNG.
     paraview : {"vtu", "none"}
         Format of the files in `vtk/`, see `write_vtk`.
     fields_limit : float
@@ -97,6 +97,7 @@ def write_folder(
     results.dataset.attrs["left_out"] = json.dumps(left_out if fields else [])
 
     def write_files(unfinished: Path) -> list[Path]:
+        """Write all files except the results to a folder, and return their paths."""
         written = []
         if steps.size:
             written += write_fields(results, steps, unfinished)
@@ -121,19 +122,20 @@ def write_again(
 ) -> list[Path]:
     """Write the tables, the pictures and the report of results again into the folder from which they were read.
 
-    The results do not contain the data for the fields over all pixels and for the files in `vtk/`. Existing files of
-    these kinds are therefore kept, or removed if `fields` is False or `paraview` is "none". The other parameters, the
-    returned paths and the errors are those of `write_folder`.
+    The fields over all pixels and the files in `vtk/` cannot be written again, because the results do not contain the
+    necessary data. Such files of the earlier run are kept. They are removed if `fields` is False, or if `paraview` is
+    "none". See `write_folder` for the other parameters, the returned paths and the errors.
     """
     target = Path(results.folder or "")
-    # These files are in a folder with one of these names, or are a .pvd file with the same name beside the folder.
-    is_kept_by_stem = {FIELDS: fields, VIEWS: paraview != "none"}
-    kept_files = [
-        name
-        for name in _files_of_earlier_run(target)
-        if is_kept_by_stem.get(Path(name.parts[0]).stem) and (target / name).is_file()
-    ]
+    # Fields and files for ParaView are in a folder of this name, or in a .pvd file of this name beside the folder.
+    is_kept = {FIELDS: fields, VIEWS: paraview != "none"}
+    kept_files = []
+    for name in _files_of_earlier_run(target):
+        stem = Path(name.parts[0]).stem
+        if is_kept.get(stem) and (target / name).is_file():
+            kept_files.append(name)
     if not fields:
+        # without fields, no load step is missing in them
         results.dataset.attrs["left_out"] = json.dumps([])
     formats = picture_formats if pictures else ()
     write_files = partial(_write_tables_and_pictures, results, surface, formats, report)
@@ -146,7 +148,7 @@ def _replace_files(
     write_files: Callable[[Path], list[Path]],
     kept_files: Sequence[Path] | None = None,
 ) -> list[Path]:
-    """Write the files of a run, and replace those of an earlier run when all are complete.
+    """Write the files of a run. When all of them are complete, they replace the files of an earlier run.
 
     Parameters
     ----------
@@ -155,10 +157,11 @@ def _replace_files(
     target : Path
         Folder of the run.
     write_files : callable
-        Function that writes all other files to a folder, which is its argument, and returns their paths.
+        Function that takes a folder, writes all other files to it, and returns their paths.
     kept_files : sequence of Path, optional
-        Files of the earlier run that are kept, relative to `target`. If this list is given, `results` are the results
-        of the earlier run, and its `results.nc` is kept until the new file is complete, because there is no other copy.
+        Files of the earlier run that remain in the folder, relative to `target`. If this list is given, `results` are
+        the results of the earlier run. There is then no other copy of its `results.nc`, which is therefore kept until
+        the new file replaces it.
 
     Returns
     -------
@@ -180,6 +183,7 @@ def _replace_files(
         new_files = [path.relative_to(unfinished) for path in written]
         all_files = [*(kept_files or ()), *new_files]
         if kept_files is None:
+            # without its results, the earlier run no longer counts as finished while its files are replaced
             (target / FILE_NAME).unlink(missing_ok=True)
         outdated = [name for name in _files_of_earlier_run(target) if name not in all_files]
         # the manifest also lists the outdated files until they are removed, in case their removal is interrupted
@@ -199,10 +203,12 @@ def _replace_files(
 
 
 def _move_file(name: Path, source: Path, target: Path) -> None:
-    """Move a file from one folder to another; raise an error if a link in its path leads out of the target folder."""
+    """Move a file from one folder to another. Raise an error if a link in the path leads out of the target folder."""
     if not is_inside(target, name):
         parent = target / name.parent
-        raise FemsealError(f"'{parent}' is a link to another folder, expected a folder")
+        raise FemsealError(
+            f"'{parent}' is a link to another folder, expected a folder inside '{target}'"
+        )
     made_folder((target / name).parent)
     os.replace(source / name, target / name)
 
@@ -215,15 +221,22 @@ def _write_manifest(folder: Path, names: Iterable[Path]) -> None:
 def _write_tables_and_pictures(
     results: Results, surface: Surface | None, formats: Sequence[str], report: bool, folder: Path
 ) -> list[Path]:
-    """Write the tables, the pictures in some formats, and the report if requested; return the paths of all files."""
+    """Write the tables, the pictures in these formats and, if requested, the report. Return the paths of all files."""
     written = [
         write_text(folder / "table.csv", comma_separated(rows(results))),
         write_workbook(results, folder / "table.xlsx"),
     ]
-    needed_formats = {*formats, *(("png",) if report else ())}
-    drawings = draw_formats(results, surface, sorted(needed_formats)) if needed_formats else {}
+    needed_formats = set(formats)
+    if report:
+        needed_formats.add("png")  # the report contains the pictures as PNG
+    # contents of the picture files, by name and format
+    drawings: dict[str, dict[str, bytes]] = {}
+    if needed_formats:
+        drawings = draw_formats(results, surface, sorted(needed_formats))
     for name in FILES:
-        for form in formats if name in drawings else ():
+        if name not in drawings:
+            continue
+        for form in formats:
             written.append(write_bytes(folder / f"{name}.{form}", drawings[name][form]))
     if report:
         as_png = {name: pictures["png"] for name, pictures in drawings.items()}
@@ -232,7 +245,7 @@ def _write_tables_and_pictures(
 
 
 def _files_of_earlier_run(folder: Path) -> list[Path]:
-    """Return the files of an earlier run from its manifest, except paths that lead out of the folder."""
+    """Return the files of an earlier run that its manifest lists. Paths that lead out of the folder are left out."""
     try:
         text = read_plain(folder / MANIFEST, _LARGEST_MANIFEST).decode()
     except (OSError, UnicodeDecodeError):
@@ -246,7 +259,7 @@ def _files_of_earlier_run(folder: Path) -> list[Path]:
 def _remove_files(folder: Path, names: Iterable[Path]) -> None:
     """Remove files of an earlier run, and folders that become empty.
 
-    Files that are outside the folder because of a link are not removed.
+    A file is not removed if a link leads from its path to a place outside the folder.
     """
     parents: set[Path] = set()
     for name in names:

@@ -50,9 +50,9 @@ def write_report(
     """Write a self-contained HTML page about a run, which needs no other files and can be printed.
 
     The page begins with the verdict: the leakage classes, the leakage, the accuracy, and the measures that would help
-    most. Warnings and the leakage against load follow, and then maps, cells, faces, tables and the error budget. All
-    contents come from the dataset and the fields over the pixels, so that a page made from a folder is identical to the
-    page that the run wrote.
+    most. Warnings and the leakage against load follow, and then maps, cells, faces, tables and the error budget. The
+    page uses only the dataset and the fields over the pixels. A page that is made later from the results folder is
+    therefore identical to the page of the run.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def write_report(
         folder = Path(results)
         results = open_results(results)
     if path is None and results.folder is None:
-        raise InputError("path", "none, for results without a folder", "a file to write")
+        raise InputError("path", "nothing, and the results have no folder", "a file to write")
     target = Path(path or (results.folder or Path()) / REPORT_NAME)
     if target.is_dir() or not os.access(target.parent, os.W_OK):
         raise InputError("path", f"'{target}'", "a file in a folder that can be written")
@@ -167,7 +167,11 @@ def page_template() -> Template:
 
 
 def _cells_of_half_drop(data: xarray.Dataset, step: int) -> int:
-    """Return the smallest number of cells with half of the pressure drop at a load step; 0 if it is unknown."""
+    """Return how few cells have together half of the pressure drop at a load step. The result is 0 if it is unknown.
+
+    The pressure drop of each cell is a fraction of the total drop. The fractions are added from the largest on, until
+    their sum is 1/2.
+    """
     if "cell_drop_fraction" not in data:
         return 0
     fractions = data["cell_drop_fraction"].values[step].ravel()
@@ -178,7 +182,7 @@ def _cells_of_half_drop(data: xarray.Dataset, step: int) -> int:
 
 
 def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
-    """Convert nested tables and lists to a flat list of dotted keys and texts of their values.
+    """Convert nested tables and lists to a flat list of pairs: a dotted key, and its value as text.
 
     >>> flatten({"load": {"loading": [1e6, 2e6]}, "face": [{"kind": "file"}]})
     [('load.loading', '1e+06, 2e+06'), ('face.0.kind', 'file')]

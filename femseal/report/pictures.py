@@ -111,7 +111,9 @@ def write_pictures(
     """
     target = folder or results.folder
     if target is None:
-        raise InputError("folder", "none, for results without a folder", "a folder to write to")
+        raise InputError(
+            "folder", "nothing, and the results have no folder", "a folder to write to"
+        )
     check_formats(formats)
     surface = None if results.scene is None else results.scene.surface
     last = results.dataset.sizes["step"] - 1

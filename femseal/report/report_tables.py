@@ -96,15 +96,15 @@ def test_fluid(results: Results) -> dict[str, Any] | None:
     Returns
     -------
     dict or None
-        None if the case has no test fluid. Otherwise the entries
+        None if the case has no test fluid. Otherwise a dictionary with the entries
 
         - name: name of the test fluid
         - load: name of the assembly load
         - leakage: leakage of the test fluid at this load, as text
         - gases: whether both fluids are gases
-        - ratio: ratio of the leakage in service to that in the test, as median over all loads at which both leak; 0 if
-          there is no such load. Two gases are compared by their throughput (pressure × volume), other fluids by their
-          volume.
+        - ratio: leakage in service divided by leakage in the test. It is the median over all loads at which the seal
+          leaks with both fluids, and 0 if there is no such load. For two gases, the leakages are throughputs
+          (pressure × volume). Otherwise they are volumes.
     """
     data = results.dataset
     if "test_leakage" not in data:
@@ -161,12 +161,18 @@ def design_section(results: Results) -> dict[str, Any] | None:
 def important_steps(results: Results) -> list[int]:
     """List the load steps that the table of the error budget shows.
 
-    They are the first step with a known leakage; the highest load at which the leakage is more than a thousandth of
-    that at the first step; the highest load of all; and the last step.
+    These are, without repetition:
+
+    - the first step with a known leakage,
+    - the highest load on loading at which the leakage is more than a thousandth of the leakage at this first step,
+    - the highest load,
+    - the last step.
     """
     leakage = np.abs(results.leakage.values)
     is_large_enough = (leakage > least_counted(leakage)) & results.steps.on_loading
-    highest_leaking = np.flatnonzero(is_large_enough)[-1:].tolist()  # one step, or none
+    highest_leaking = np.flatnonzero(is_large_enough)[
+        -1:
+    ].tolist()  # a list of one step, or an empty list
     last = len(leakage) - 1
     return list(dict.fromkeys([first_known(leakage), *highest_leaking, results.peak, last]))
 
@@ -187,9 +193,9 @@ class _BudgetLine(NamedTuple):
 
 
 def budget_table(results: Results) -> TextTable | None:
-    """Make a table of the error sources, from the largest to the smallest, and of their combination.
+    """Make a table of the error sources, from the largest to the smallest, and of their sum.
 
-    The table has a column for each of the `important_steps`. Return None if the results have no error budget.
+    The columns are the `important_steps`. Return None if the results have no error budget.
     """
     budget = results.budget
     if budget is None:
@@ -199,10 +205,12 @@ def budget_table(results: Results) -> TextTable | None:
     lines = [_BudgetLine(part.name, half_widths[part.name], part.note) for part in budget.parts]
 
     def largest_half_width(line: _BudgetLine) -> float:
+        """Return the largest half-width over the steps of the table. An unknown half-width counts as infinite."""
         return float(np.nan_to_num(line.half_widths[steps], nan=np.inf).max())
 
     lines.sort(key=largest_half_width, reverse=True)
-    if len(budget.numerical.parts) < len(budget.parts):
+    has_model_errors = len(budget.numerical.parts) < len(budget.parts)
+    if has_model_errors:
         note = (
             "all sources except the model and its input (hardness, fluid pressure, form, …): this is what the key "
             "accuracy limits"
@@ -221,7 +229,10 @@ def budget_table(results: Results) -> TextTable | None:
 
 
 def _half_width_text(half_width: float) -> str:
-    """Convert a half-width of ln(leakage) to text. It is infinite if the error decides whether the seal leaks."""
+    """Convert the half-width of an interval of ln(leakage) to text.
+
+    An infinite half-width means that the seal may be open or sealed within this error.
+    """
     if np.isnan(half_width):
         return "unknown"
     if np.isinf(half_width):

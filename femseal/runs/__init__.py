@@ -1,1 +1,1 @@
-"""A case, run: its forecast, its studies, the results folder."""
+"""Run a case: forecast time and memory, solve the studies, and write the results folder."""

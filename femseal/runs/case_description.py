@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from math import prod
-from operator import itemgetter
 
 import numpy as np
 
@@ -44,10 +43,10 @@ def describe_case(
         The case.
     prepared : Prepared
         The prepared case.
-    estimate : QuickEstimate, optional
-        Quick estimate of the leakage; None if the case has none.
-    form_effect : FormEffect, optional
-        Effect of the form of a measured patch; None if it is not computed.
+    estimate : QuickEstimate or None
+        Quick estimate of the leakage. It is None if such an estimate is not possible for this case.
+    form_effect : FormEffect or None
+        Effect of the form of a measured patch. It is None if the effect is not computed.
 
     Yields
     ------
@@ -88,7 +87,10 @@ def _face_text(face: Face) -> str:
 
 
 def _fluid_text(table: FluidTable) -> str:
-    """Describe a fluid, with its name unless the description contains it, and its pressures at both ends."""
+    """Describe a fluid, and its pressures at inlet and outlet.
+
+    The description begins with the name of the fluid, unless the rest of it contains the name.
+    """
     text = fluid_text(table.fluid)
     name = table.name or ""
     if name not in text:
@@ -104,9 +106,12 @@ def solids_text(case: Case) -> str:
     if counter is None:
         return f"{_solid_text(face)} against a rigid flat"
     text = f"{_solid_text(face)} against {_solid_text(counter)}"
-    hardness = {"face": face.law.mean_hardness, "counter-face": counter.law.mean_hardness}
-    (softer, low), (_, high) = sorted(hardness.items(), key=itemgetter(1))
-    if low == np.inf:
+    face_hardness = face.law.mean_hardness
+    counter_hardness = counter.law.mean_hardness
+    softer = "counter-face" if counter_hardness < face_hardness else "face"
+    low = min(face_hardness, counter_hardness)
+    high = max(face_hardness, counter_hardness)
+    if low == np.inf:  # neither of them yields
         return text
     low_text = to_text(low, "Pa")
     high_text = to_text(high, "Pa") if high < np.inf else "no pressure"
@@ -133,7 +138,7 @@ def _coating_text(coating: CoatingTable) -> str:
 
 
 def _strength_text(solid: SolidTable | CoatingTable) -> str:
-    """Write the hardness and the yield stress that a solid or a coating has, each after a comma."""
+    """Return the hardness and the yield stress of a solid or a coating as text, each after a comma."""
     text = ""
     for name, value in (("hardness", solid.hardness), ("yield stress", solid.yield_stress)):
         if value is not None:
@@ -142,7 +147,7 @@ def _strength_text(solid: SolidTable | CoatingTable) -> str:
 
 
 def _with_metal(solid: SolidTable | CoatingTable, properties: str) -> str:
-    """Put the name of a known metal and the source of its properties in front of the properties."""
+    """Add the name of a known metal, and the source of its data, before the description of its properties."""
     solid_name = (solid.name or "").casefold().strip()
     for name, (_, source) in METALS.items():
         if name.casefold() == solid_name:
@@ -187,13 +192,13 @@ def _surface_lines(prepared: Prepared, form_effect: FormEffect | None) -> Iterat
 
 
 def _line_unless_empty(text: str) -> Iterator[Line]:
-    """Yield a text as a line that continues the line above it, or nothing if the text is empty."""
+    """Yield a line that continues the line above it. If the text is empty, yield nothing."""
     if text:
         yield "", text
 
 
 def _roughness_text(scene: Scene) -> str:
-    """Write rms height and rms slope of the surface, and the ratio H/(E*·slope) if it can yield."""
+    """Return rms height and rms slope of the surface as text and, if it can yield, the ratio H/(E*·slope)."""
     surface, hardness = scene.surface, scene.law.mean_hardness
     slope = surface.rms_slope
     text = f"rms height {to_text(surface.rms_height, 'm', 3)}, rms slope {slope:.3g}"
@@ -205,7 +210,7 @@ def _roughness_text(scene: Scene) -> str:
 
 
 def _filter_text(prepared: Prepared) -> str:
-    """Say which waves the low-pass filter removed, and with them which part of the rms slope."""
+    """Say which waves the low-pass filter has removed, and how much of the rms slope was lost with them."""
     surface = prepared.scene.surface
     shortest = prepared.conditioning.shortest_wave
     slope_before = prepared.conditioning.rms_slope_before
@@ -252,7 +257,7 @@ def _study_lines(prepared: Prepared) -> Iterator[Line]:
 
 
 def _stochastic_lines(prepared: Prepared) -> Iterator[Line]:
-    """Describe the contact states and the realisations of the stochastic study, and its pressure map."""
+    """Describe the stochastic study: the contact states that it solves, its realisations, and its pressure map."""
     scene, sampling = prepared.scene, prepared.sampling
     if sampling is None:
         return
@@ -278,11 +283,11 @@ def _stochastic_lines(prepared: Prepared) -> Iterator[Line]:
 
 
 def _cells_text(prepared: Prepared, cells: Shape) -> str:
-    """Write the number of cells and their size, with advice if they are small compared with the shortest wave."""
+    """Return the number of cells and their size as text. If they contain few waves, advise to use larger cells."""
     sides = [side / m for side, m in zip(prepared.scene.surface.size, cells, strict=True)]
     n_waves = [side / prepared.conditioning.shortest_wave for side in sides]
     size = " × ".join(to_text(side, "m", 3) for side in sides)
     text = f"{cells[0]} × {cells[1]} of about {size}, that is {n_waves[0]:.3g} × {n_waves[1]:.3g} shortest waves"
-    if min(n_waves) < ADVISED_WAVES * 0.99:
+    if min(n_waves) < ADVISED_WAVES * 0.99:  # with a tolerance for rounding
         text += f"; {ADVISED_WAVES} or more are advised, of a larger face"
     return text

@@ -9,6 +9,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from math import prod
+from typing import NamedTuple
 
 import numpy as np
 import psutil
@@ -55,17 +56,19 @@ class Forecast:
     Parameters
     ----------
     serial_seconds : float
-        Time of the work of the main process on start, pictures and files, which workers do not shorten [s].
+        Time of the main process for the start, the pictures and the files [s]. It does not depend on the number of
+        workers.
     parallel_seconds : float
-        Time on one core for contact and flow, which the workers share [s]. If the number of realisations depends on
-        their scatter, it is the time for the fewest realisations.
+        Time for the solutions of contact and flow on one core [s]. Several workers divide this work among them. If the
+        number of realisations is not given, but follows from their scatter, this is the time for the smallest possible
+        number.
     memory : float
         Memory with one worker [byte].
     most_parallel_seconds : float
-        The same time as `parallel_seconds` for the largest number of realisations [s].
+        Like `parallel_seconds`, but for the largest possible number of realisations [s].
     most_memory : float
-        Memory with one worker if the flow through the whole surface has to be solved by elimination, because multigrid
-        does not converge on its gap [byte].
+        Memory with one worker if multigrid does not converge for the flow through the whole surface [byte]. The flow is
+        then solved by elimination, which takes more memory.
     """
 
     serial_seconds: float
@@ -84,7 +87,7 @@ class Forecast:
         return _SHORTEST * self.seconds(workers), _LONGEST * most_seconds
 
     def time_text(self, workers: int = 1) -> str:
-        """Write the range of the time.
+        """Return the range of the expected time as text, for this number of workers.
 
         Examples
         --------
@@ -116,7 +119,7 @@ def describe(case: Case, original: Prepared) -> list[str]:
 
 
 def _lines(case: Case, original: Prepared) -> Iterator[Line]:
-    """Yield name and text of every line of `describe`."""
+    """Yield the lines of `describe`, each as a pair of its name and its text."""
     prepared = original if case.accuracy is None else first_version(case, original)
     form_effect = original.solve_form_effect()
     yield "case", f"{case.title or '(no title)'}: valid"
@@ -146,7 +149,7 @@ def _lines(case: Case, original: Prepared) -> Iterator[Line]:
 
 
 def _accuracy_text(case: Case, original: Prepared) -> str:
-    """Write the required accuracy of a case, the settings of the first attempt and the time limit."""
+    """Return the required accuracy of a case, the settings of the first attempt and the time limit as text."""
     assert case.accuracy is not None
     settings = first_settings(case, original)
     points = as_text(grid_points(original, settings.grid))
@@ -161,7 +164,7 @@ def _accuracy_text(case: Case, original: Prepared) -> str:
 
 
 def _time_line(expected: Forecast) -> str:
-    """Write the expected time on one core and on all cores of this machine."""
+    """Return the expected time on one core, and on all cores of this machine, as text."""
     n_cores = psutil.cpu_count() or 1
     one_core = expected.time_text()
     all_cores = expected.time_text(n_cores)
@@ -172,7 +175,7 @@ def _time_line(expected: Forecast) -> str:
 
 
 def _memory_line(expected: Forecast) -> str:
-    """Write the expected memory with one worker, and that of every further worker."""
+    """Return the expected memory with one worker, and the memory of every further worker, as text."""
     text = f"{expected.memory / 1e9:.1f} GB of memory"
     if expected.most_memory > 1.1 * expected.memory:
         most = f"{expected.most_memory / 1e9:.1f} GB"
@@ -202,10 +205,11 @@ def forecast(
     prepared : Prepared
         The prepared case.
     budget_versions : list of Prepared, optional
-        Versions of the input that the error budget solves. Default: `budget_inputs` of the case.
+        Changed versions of the input that are solved for the error budget. Default: `budget_inputs` of the case.
     """
     if budget_versions is None:
         budget_versions = budget_inputs(case, prepared)
+    # the costs depend on the memory of the case, because large arrays are stored on disk
     with storing(None, case.memory):
         inputs = [prepared, *budget_versions]
         test_fluid = case.output.test_fluid
@@ -216,33 +220,46 @@ def forecast(
             inputs.append(replace(prepared, methods=methods, scene=scene))
         fewest_costs = _study_costs(inputs, FEWEST_SEALS)
         most_costs = _study_costs(inputs, MOST_SEALS)
-    # Results of a study stay in memory until they are written, its working arrays do not. The inputs are solved one
-    # after the other, so that the largest one decides.
+    # The working arrays of a study are freed before the next one. The studies are solved one after the other, so that
+    # the largest one determines the memory.
     pixels = max(version.scene.surface.heights.size for version in inputs)
-    memory = START_MEMORY + max(memory for _, memory in fewest_costs)
+    memory = START_MEMORY + max(cost.memory for cost in fewest_costs)
     if pixels > KEPT_POINTS:
+        # for large surfaces, the working arrays are freed before the pictures take their part of `START_MEMORY`
         memory -= _PICTURES_MEMORY
-    resolves_flow = prepared.methods != {"blocks"}
-    draws_pictures = case.output.pictures or case.output.report
+    most_memory = memory
+    if prepared.methods != {"blocks"}:
+        # all other methods solve the flow through the whole surface, which may require elimination
+        most_memory += elimination_memory(pixels)
+    serial_seconds = _START_SECONDS
+    if case.output.pictures or case.output.report:
+        serial_seconds += _PICTURES_SECONDS
     return Forecast(
-        serial_seconds=_START_SECONDS + _PICTURES_SECONDS * draws_pictures,
-        parallel_seconds=sum(seconds for seconds, _ in fewest_costs),
+        serial_seconds=serial_seconds,
+        parallel_seconds=sum(cost.seconds for cost in fewest_costs),
         memory=memory,
-        most_parallel_seconds=sum(seconds for seconds, _ in most_costs),
-        most_memory=memory + elimination_memory(pixels) * resolves_flow,
+        most_parallel_seconds=sum(cost.seconds for cost in most_costs),
+        most_memory=most_memory,
     )
 
 
-def _study_costs(inputs: list[Prepared], realisations: int) -> list[tuple[float, float]]:
-    """Estimate the time on one core [s] and the memory [byte] of every study of several inputs.
+class _Cost(NamedTuple):
+    """Expected time on one core [s] and memory [byte] of a study."""
 
-    realisations : number of realisations if the input does not specify it.
+    seconds: float
+    memory: float
+
+
+def _study_costs(inputs: list[Prepared], realisations: int) -> list[_Cost]:
+    """Estimate the costs of every study of several inputs.
+
+    realisations : number of realisations that is used for an input without such a number.
     """
     costs = []
     for prepared in inputs:
         if prepared.sampling is not None and prepared.sampling.realisations is None:
             prepared = prepared.with_realisations(realisations)
-        costs += [prepared.cost(study) for study in prepared.solved_studies]
+        costs += [_Cost(*prepared.cost(study)) for study in prepared.solved_studies]
     return costs
 
 
@@ -252,9 +269,12 @@ def refuse_too_large(case: Case, original: Prepared) -> None:
     original : prepared case, before its grid is changed to reach an accuracy.
     """
     prepared = original if case.accuracy is None else first_version(case, original)
-    limit, limit_name = case.memory, "of the key memory"
-    if limit is None:
-        limit, limit_name = free_memory(), "that are free"
+    if case.memory is not None:
+        limit = case.memory
+        limit_name = "of the key memory"
+    else:
+        limit = free_memory()
+        limit_name = "that are free"
     needed = forecast(case, prepared).memory
     if needed <= limit:
         return
@@ -263,9 +283,10 @@ def refuse_too_large(case: Case, original: Prepared) -> None:
     advice = "fewer surface.points or load steps, or the method blocks, which solves a block of a face at a time"
     if limit <= START_MEMORY:
         advice = f"more than the {START_MEMORY / 1e9:g} GB that any run takes before its work"
+    needed_gb = np.ceil(needed / 1e8) / 10  # rounded up to 0.1 GB
     expected = (
         f"at most the {limit / 1e9:.3g} GB {limit_name}: {advice}; "
-        f"or memory = '{np.ceil(needed / 1e8) / 10:g} GB' in the case, to run all the same"
+        f"or memory = '{needed_gb:g} GB' in the case, to run all the same"
     )
     raise InputError("memory", given, expected)
 
@@ -285,7 +306,8 @@ class DiskSpace:
     other_files : float
         Size of all other files of the results [byte].
     checkpoint : float
-        Size of the store during the run, with the contact states that lie on disk [byte].
+        Size of the files that exist only during the run [byte]: the stored stages of the studies, and contact states
+        that do not fit into memory.
     """
 
     fields: float
@@ -295,7 +317,7 @@ class DiskSpace:
     checkpoint: float
 
     def __str__(self) -> str:
-        """Write the sizes as a line of a forecast."""
+        """Return the sizes as text, for the forecast."""
         text = f"about {_size_text(self.fields + self.other_files)}"
         if self.fields:
             text += f", of it fields {_size_text(self.fields)} before compression"
@@ -308,7 +330,7 @@ class DiskSpace:
 def disk_space(
     case: Case, prepared: Prepared, budget_versions: list[Prepared] | None = None
 ) -> DiskSpace:
-    """Forecast the sizes of the files of a run; the parameters are those of `forecast`."""
+    """Forecast the sizes of the files of a run. See `forecast` for the parameters."""
     if budget_versions is None:
         budget_versions = budget_inputs(case, prepared)
     scene = prepared.scene
@@ -322,8 +344,9 @@ def disk_space(
         stored_steps = int(min(case.output.fields_limit // step_size, steps))
     checkpoint = sum(_store_size(version) for version in (prepared, *budget_versions))
     with storing(None, case.memory):
-        states_lie_on_disk = not states_memory(pixels, steps)
-    if states_lie_on_disk and _keeps_states(prepared):
+        # contact states that are stored on disk take no memory
+        states_are_on_disk = states_memory(pixels, steps) == 0
+    if states_are_on_disk and _keeps_states(prepared):
         checkpoint += RESULT_BYTES * pixels * steps
     return DiskSpace(
         fields=step_size * stored_steps,
@@ -335,7 +358,7 @@ def disk_space(
 
 
 def _size_without_fields(case: Case, prepared: Prepared) -> float:
-    """Estimate the size of all files of the results without the fields over all pixels [byte]."""
+    """Estimate the size of all files of the results [byte], without the fields over all pixels."""
     steps = len(prepared.scene.steps)
     # cells and tiles are written to results.nc, and to files for ParaView if they are asked for
     n_files = 1 + (case.output.paraview != "none")
@@ -350,45 +373,56 @@ def _size_without_fields(case: Case, prepared: Prepared) -> float:
         return size
     cut, tiles = prepared.cut_and_tiles
     n_seals = sampling.realisations or usual_realisations(cut.shape, tiles)
-    # a leakage of every realisation, and five numbers of every tile of one of them
+    # In double precision, for each load step: the leakage of every realisation, and five numbers of every tile of the
+    # realisation whose tiles are stored.
     return size + 8.0 * steps * (n_seals + 5 * len(tiles.tile) * n_files)
 
 
 def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
-    """List all versions of the input that the error budget of a run may solve.
+    """List all changed versions of the input that may be solved for the error budget.
 
-    A run leaves out the opposite changes of the model that turn out to matter little.
+    The run itself may solve fewer: if a change of the model hardly changes the leakage, the opposite change is not
+    solved.
     """
     if not case.output.budget:
         return []
     request = BudgetRequest(prepared, case.output.model_parts, case.hardness_tolerance)
+    # all versions of a prepared case are of this class, which only type checkers do not know
     return [version for version in versions_of_budget(request) if isinstance(version, Prepared)]
 
 
 def _keeps_states(prepared: Prepared) -> bool:
-    """Return whether a study keeps the contact states of the whole surface.
+    """Return whether the contact states of the whole surface at all load steps are kept until the end of a study.
 
-    Only the stochastic study alone does not, if its cells are interpolated between tabulated pressures.
+    They are not kept if the stochastic study is the only one, and its cells are not in order. It then only needs the
+    permeabilities of the cells at tabulated pressures.
     """
-    return prepared.methods != {"stochastic"} or prepared.cut_and_tiles[1].in_order
+    if prepared.methods != {"stochastic"}:
+        return True
+    _, tiles = prepared.cut_and_tiles
+    return tiles.in_order
 
 
 def _store_size(prepared: Prepared) -> float:
-    """Estimate the size of the store of the studies of an input [byte]."""
+    """Estimate the size of the stage results that the studies of an input store during the run [byte]."""
     scene = prepared.scene
     steps = len(scene.steps)
     peaks = len({*scene.unload_from})
     pixels = prod(scene.surface.shape)
-    # at every peak the plastic deformation is stored in double precision, for the unloading from it
+    # For each load from which the seal is unloaded, the plastic deformation is stored, in double precision. The
+    # unloading begins with it.
     plastic_deformation = 8.0 * pixels
     size = 0.0
-    if "stochastic" in prepared.methods and not prepared.cut_and_tiles[1].in_order:
-        size += plastic_deformation * max(peaks, 1)
+    if "stochastic" in prepared.methods:
+        _, tiles = prepared.cut_and_tiles
+        if not tiles.in_order:
+            # contact states at tabulated pressures, of which at least one plastic deformation is stored
+            size += plastic_deformation * max(peaks, 1)
     if _keeps_states(prepared):
         size += STATE_BYTES * pixels * steps + plastic_deformation * peaks
     return size
 
 
 def _size_text(size: float) -> str:
-    """Write a size [byte] with two significant digits."""
+    """Return a size [byte] as text with two significant digits."""
     return to_text(float(f"{size:.1e}"), "B", 3)

@@ -97,17 +97,19 @@ def run(
     output : path, optional
         Results folder, which is made if it does not exist. By default nothing is written.
     resume : bool
-        Whether to use results that are in the folder already. Results of a finished run are returned if they belong to
-        the same case, and if the settings that the case leaves open are still the same. A run that was stopped is
-        continued, and gives the same results to the last bit as a run that was not stopped.
+        Whether to use results that are already in the folder. The results of a finished run are returned if they belong
+        to the same case, and if the program would choose the same settings again. A run that was stopped is continued.
+        Its results are then bitwise identical to the results of a run without interruption.
     workers : int, optional
         Number of processes. Default: one for each core. The results do not depend on it.
     scheduler : str, optional
-        Address of a Dask scheduler on which to compute instead (needs femseal[cluster]), or "local" for a temporary one
-        with `workers` processes, see `execution.run.ordered_map`.
+        Address of a Dask scheduler. Its Dask workers then do the work instead of local processes, which requires
+        femseal[cluster]. "local" starts a temporary scheduler with `workers` processes, see
+        `execution.run.ordered_map`.
     shared : path, optional
-        Folder for the results of single stages, which several runs can share. A run stores the results of its stages
-        there, and reads those that another run has computed from the same input. The folder grows with every run.
+        Folder for the results of single stages, which several runs can share. A run stores the results of its stages in
+        this folder. If another run has already computed a stage from the same input, its result is read instead. The
+        folder grows with every run.
     replace_results : bool
         Whether to replace the results of a finished run in the folder.
     progress : callable, optional
@@ -120,10 +122,16 @@ def run(
     Raises
     ------
     InputError
-        Nothing has been written. Possible reasons: the case or an argument cannot be used. The run is expected to need
-        more memory than there is. Another run is under way in the folder. The folder contains results of a finished run
-        (with `resume`: of another case). The folder contains an unfinished run, and `resume` is false, or that run has
-        another case, other face files or other versions of packages.
+        Nothing has been written, for one of these reasons:
+
+        - The case or an argument cannot be used.
+        - The run is expected to need more memory than there is.
+        - Another run is under way in the folder.
+        - The folder contains the results of a finished run. With `resume`, this is an error only if they are of another
+          case.
+        - The folder contains an unfinished run, and `resume` is False.
+        - The folder contains an unfinished run of another case, with other face files, or with other versions of
+          packages.
     FemsealError
         The computation failed as a whole, or a file could not be written. Computed results stay in the folder, and
         `resume` continues from them. Single cells that fail raise no error: they are listed in `Results.failures`.
@@ -185,7 +193,8 @@ def run(
 def _identity(case: Case, faces: dict[str, str]) -> dict[str, Any]:
     """Collect everything on which the results of a run depend, as nested plain data.
 
-    Options of the output are left out, except for the test fluid: they may be changed before a run is resumed.
+    The table [output] is left out, except for its test fluid. The user may change its other keys before a run is
+    resumed.
     """
     echo = case.echo()
     echo |= {"output": {"test_fluid": echo["output"].get("test_fluid")}}
@@ -194,7 +203,10 @@ def _identity(case: Case, faces: dict[str, str]) -> dict[str, Any]:
 
 
 def _remove_own_store(folder: Path, identity: dict[str, Any]) -> None:
-    """Remove the store that a finished run left in its folder; the store of a run with another identity stays."""
+    """Remove stage results that a finished run has left in its folder. Stage results of another run are kept.
+
+    identity : everything on which the results of the finished run depend, see `_identity`.
+    """
     with suppress(InputError), alone_in(folder):
         resumable(folder, identity)  # raises InputError for another identity
         remove_run(folder)
@@ -213,7 +225,7 @@ def checked_output(output: AnyPath | None, resume: bool) -> Path | None:
         expected = "a folder, or one that does not exist"
         raise InputError("output", f"'{folder}', which is a file", expected)
     if resume and folder is None:
-        raise InputError("resume", resume, "an output folder whose run is resumed")
+        raise InputError("resume", resume, "an output folder with the run that is to be resumed")
     return folder
 
 
@@ -323,10 +335,10 @@ def _solve_other_studies(prepared: Prepared, studies: dict[str, Any], run: Run) 
 
 
 def _solve_test_fluid(state: FluidState, prepared: Prepared, answer: Any, run: Run) -> OtherLeakage:
-    """Compute the leakage of the test fluid through the seals of the answer.
+    """Compute the leakage of the test fluid through the same seals, for the study that gives the leakage of the run.
 
-    The leakage of the answer is multiplied by a factor if the permeability is the same for both fluids. Otherwise the
-    study is solved again.
+    If the permeability is the same for both fluids, the leakage of the service fluid is multiplied by a factor.
+    Otherwise the study is solved again. answer : result of this study for the service fluid.
     """
     ratio = drop_ratio(state, prepared.scene)
     if ratio is not None:
@@ -353,9 +365,9 @@ def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
 
 
 def face_files(case: Case) -> dict[str, str]:
-    """Compute the SHA-256 digest of every file that a case reads, by its path in the case.
+    """Return the SHA-256 digest of every file that a case reads, by the path of the file in the case.
 
-    These are the files of faces and their masks, of the seal, the seat and maps.
+    These are the files of faces and masks, of the seal, of the seat, and of maps.
     """
     digests = {}
     for key, path in case.files():
@@ -403,10 +415,9 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
 
 
 def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results | None:
-    """Read the results of a finished run from a folder, if a run of the case would give the same results.
+    """Read the results of a finished run from a folder, provided that a run of the case would give the same results.
 
-    If the case asks for other files than the folder contains, these are written first, unless they need fields that the
-    results do not contain.
+    If the case asks for further pictures or tables, they are written from these results first.
 
     Parameters
     ----------
@@ -420,8 +431,9 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     Returns
     -------
     Results or None
-        None if the folder contains no results, or if case, face files or settings are different. It is also None if the
-        files that the case asks for cannot be written from the results.
+        None if the folder contains no results, or if the case, a face file or the settings are different. It is also
+        None if the case asks for files that cannot be written from the results, because they need fields over all
+        pixels.
 
     Raises
     ------
@@ -463,7 +475,8 @@ def refuse_finished(folder: Path, case: Case | None = None) -> None:
     folder : Path
         Results folder.
     case : Case, optional
-        Case of a run that is resumed, whose earlier results may be replaced. By default any results are refused.
+        Case of a run that is to be resumed. Results of the same case may then be replaced. Without this argument, an
+        error is raised for any results.
     """
     path = folder / FILE_NAME
     if path.is_symlink() or not path.is_file():
@@ -489,9 +502,9 @@ def refuse_finished(folder: Path, case: Case | None = None) -> None:
 
 
 def _settings(case: Case, original: Prepared) -> dict[str, Any]:
-    """Collect the settings that the program chooses for a case, and a digest of the user's code, as plain data.
+    """Return the settings that the program chooses for a case, and a digest of the user's code, as plain data.
 
-    With an accuracy these are the settings of the first attempt.
+    If the case asks for an accuracy, these are the settings of the first attempt to reach it.
     """
     if case.accuracy is None:
         return original.chosen | user_code(case)
@@ -507,7 +520,11 @@ def _without_file_keys(echo: dict[str, Any]) -> dict[str, Any]:
 
 
 def _needs_new_fields(former_output: dict[str, Any], output: dict[str, Any]) -> bool:
-    """Return whether a table [output] asks for files that need fields which the former results do not contain."""
+    """Return whether the case asks for files that cannot be written from the results of a former run.
+
+    These are fields over all pixels, and files for ParaView. The arguments are the tables [output] of the former case
+    and of the present one.
+    """
     if output["paraview"] not in (former_output.get("paraview"), "none"):
         return True
     if not output["fields"]:

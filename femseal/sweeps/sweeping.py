@@ -54,7 +54,7 @@ class Variation:
     name : str
         Name of the folder of this case.
     setting : str
-        Changed keys and their values, as a text for tables and messages.
+        Text with the changed keys and their values, for tables and messages.
     values : tuple of str
         Values of the changed keys as texts.
     case : Case
@@ -84,8 +84,8 @@ def sweep(
 ) -> RunComparison:
     """Run a case with every combination of the values of some keys, and compare the leakages.
 
-    All cases are checked before the first one is run. Stages that several cases have in common are computed once, for
-    example the contact of a surface that no key changes.
+    All cases are checked before the first one is run. A stage that is the same in several cases is computed only once.
+    For example, the contact of the surface is solved once if the cases differ only in the fluid.
 
     Parameters
     ----------
@@ -231,19 +231,24 @@ def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
             expected = "a key of the case and its values, such as seed=1,2,3"
             raise InputError("sweep", shown(text), expected)
         if key in values_by_key:
-            raise InputError("sweep", f"the key {key} twice", "each key once, with all its values")
+            raise InputError(
+                "sweep",
+                f"the key {key} twice",
+                "a single argument for this key, with all its values",
+            )
         values_by_key[key] = _parse_values(values)
     return values_by_key
 
 
 def _parse_values(text: str) -> list[Any]:
-    """Parse values that are separated by commas: each is a TOML value, or a text without quotes."""
+    """Parse values that are separated by commas. Each of them is a TOML value, or a text without quotes."""
     try:
         return list(tomllib.loads(f"values = [{text}]")["values"])
     except (tomllib.TOMLDecodeError, RecursionError):
+        # at least one value is a text without quotes: parse the values one by one
         parts = [part.strip() for part in text.split(",")]
     if len(parts) == 1:
-        return parts  # a text without quotes
+        return parts
     values = []
     for part in parts:
         values += _parse_values(part)
@@ -253,7 +258,7 @@ def _parse_values(text: str) -> list[Any]:
 def variations(
     data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[Any]]
 ) -> list[Variation]:
-    """Make and check the cases for all combinations of the values; the value of the last key changes fastest.
+    """Make and check the cases for all combinations of the values. The value of the last key changes fastest.
 
     Parameters
     ----------
@@ -320,7 +325,7 @@ def _folder_name(pairs: list[tuple[str, str]]) -> str:
 
 
 def _with_usable_names(cases: list[Variation]) -> list[Variation]:
-    """Use numbers as names of the cases if their names are too long, or equal apart from upper and lower case."""
+    """Name the cases by numbers if their names are too long, or if two names differ only in upper and lower case."""
     names = {variation.name.lower() for variation in cases}
     if len(names) == len(cases) and max(len(name) for name in names) <= _LONGEST_NAME:
         return cases
@@ -328,12 +333,12 @@ def _with_usable_names(cases: list[Variation]) -> list[Variation]:
 
 
 def with_setting(error: InputError, setting: str) -> InputError:
-    """Append the setting of a case to the message of an error."""
+    """Append the changed keys and values of a case to the message of an error."""
     return InputError(error.what, error.given, f"{error.expected} (with {shortened(setting)})")
 
 
 def short_names(keys: Sequence[str]) -> tuple[str, ...]:
-    """Shorten dotted keys to their last parts, as many as are needed to distinguish them.
+    """Shorten dotted keys. Of each key, as few of the last parts are kept as distinguish it from the other keys.
 
     Examples
     --------
@@ -342,6 +347,7 @@ def short_names(keys: Sequence[str]) -> tuple[str, ...]:
     """
 
     def shorten(key: str) -> str:
+        """Return the shortest ending of a key that no other key has."""
         parts = key.split(".")
         for count in range(1, len(parts) + 1):
             ending = ".".join(parts[-count:])

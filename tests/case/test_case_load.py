@@ -76,7 +76,7 @@ class TestForces:
         assert_allclose(pressures(["3 N/mm"], **face), (5e7,))
         with pytest.raises(
             fs.InputError,
-            match=r"load.loading: given forces on a seal of no length, expected .* per length",
+            match=r"load.loading: given forces, although the length of the seal is unknown, expected .* per length",
         ):
             pressures(["3 N"], **face)
         with pytest.raises(
