@@ -1,6 +1,6 @@
 """Calibrate a case with a leak test: run a few simulations, interpolate their leakage, and compute the posterior.
 
-A simulation solves the case with one hardness and one shortest wave. Names in the code call it a scene.
+A simulation solves the case with one hardness and one shortest wave. Arguments and attributes call it a scene.
 """
 
 from __future__ import annotations
@@ -311,7 +311,8 @@ class _Exploration:
     """The posterior, and the simulations from which it was computed.
 
     posterior : posterior density. scenes : hardness [Pa] and shortest wave [m] of each simulation (simulations, 2).
-    leakages : leakages of each simulation in the unit of the test (simulations, loads), NaN where the solution failed.
+    leakages : leakage of each simulation at each load (simulations, loads), in the unit of the test; NaN where the
+    solution failed.
     """
 
     posterior: Posterior

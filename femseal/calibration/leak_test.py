@@ -28,7 +28,7 @@ _FEWEST_LOADS = 3
 _LOAD_TOLERANCE = 1e-9
 _NAME_AND_UNIT = re.compile(r"\s*([^\[(]+?)\s*(?:[\[(]\s*(.*\S)\s*[\])])?\s*")
 _DECIMAL_COMMA = re.compile(r"\d+,\d+")
-#: Key of a column in `_Column` dictionaries, by the name in the heading of the column.
+#: Quantity in a column, for each name that the heading of the column may have.
 _COLUMN_OF_NAME = {
     "pressure": "load",
     "load": "load",
@@ -170,7 +170,7 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
 
 
 def _read_heads(heads: list[str], case: Case) -> tuple[dict[str, _Column], LeakUnit]:
-    """Read the headings of the columns. Return position and factor of each column, by its key, and the leakage unit."""
+    """Read the headings of the columns. Return position and factor of each column, by its quantity, and the leakage unit."""
     columns: dict[str, _Column] = {}
     unit_of_leakage: LeakUnit | None = None
     for position, head in enumerate(heads):

@@ -166,7 +166,7 @@ def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> It
     name : dotted key of the table.
     field : declaration of this key.
     written : classes of the tables whose blocks have been written before under another key. If one of them is written
-        again, its optional keys are left out. The classes of this table are added to the list.
+        again, its optional keys are left out. The function adds the classes of this table to the list.
     """
     tables = tables_in(field)  # one class for each kind
     explained: set[tuple[str, str | None]] = (

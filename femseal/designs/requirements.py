@@ -85,7 +85,7 @@ class Seals:
         """Create the seals; where low loads have no known leakage, the leakage is set to infinity.
 
         At low loads the fluid pressure alone can carry the load, and the faces are separated. The low loads of a branch
-        are those below the lowest load with a known leakage. Loading and each unloading are treated separately, because
+        are all loads below the lowest load at which the leakage is known. Loading and each unloading are treated separately, because
         the load at which the faces separate differs between them.
         """
         magnitude = np.abs(np.atleast_2d(reals(leakage)))

@@ -249,7 +249,7 @@ def survey_figure(
     """
     without_spikes = topography.without_spikes(spikes)  # spikes are undefined points here
     is_spike = np.isnan(without_spikes.heights) & ~np.isnan(topography.heights)
-    # the map and the histogram show the heights as measured; for the spectra, spikes are removed and gaps are filled
+    # The map and the histogram include the spikes. For the spectra, spikes and undefined points are filled.
     measured = topography
     if topography.undefined_fraction < 1:
         measured = topography.detrend(detrend)

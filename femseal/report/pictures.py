@@ -112,7 +112,7 @@ def write_pictures(
     target = folder or results.folder
     if target is None:
         raise InputError(
-            "folder", "nothing, and the results have no folder", "a folder to write to"
+            "folder", "nothing, but results without a folder need one", "a folder to write to"
         )
     check_formats(formats)
     surface = None if results.scene is None else results.scene.surface

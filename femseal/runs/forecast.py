@@ -395,7 +395,7 @@ def _keeps_states(prepared: Prepared) -> bool:
     """Return whether the contact states of the whole surface at all load steps are kept until the end of a study.
 
     They are not kept if the stochastic study is the only one, and its cells are not in order. It then only needs the
-    permeabilities of the cells at tabulated pressures.
+    permeabilities of the cells.
     """
     if prepared.methods != {"stochastic"}:
         return True
