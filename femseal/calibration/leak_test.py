@@ -170,7 +170,10 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
 
 
 def _read_heads(heads: list[str], case: Case) -> tuple[dict[str, _Column], LeakUnit]:
-    """Read the headings of the columns. Return position and factor of each column, by its quantity, and the leakage unit."""
+    """Read the headings of the columns.
+
+    Returns the position and the factor of each column, by its quantity, and the unit of the leakage.
+    """
     columns: dict[str, _Column] = {}
     unit_of_leakage: LeakUnit | None = None
     for position, head in enumerate(heads):

@@ -85,8 +85,8 @@ class Seals:
         """Create the seals; where low loads have no known leakage, the leakage is set to infinity.
 
         At low loads the fluid pressure alone can carry the load, and the faces are separated. The low loads of a branch
-        are all loads below the lowest load at which the leakage is known. Loading and each unloading are treated separately, because
-        the load at which the faces separate differs between them.
+        are all loads below the lowest load at which the leakage is known. Loading and each unloading are treated
+        separately, because the load at which the faces separate differs between them.
         """
         magnitude = np.abs(np.atleast_2d(reals(leakage)))
         is_known = ~np.isnan(magnitude).all(axis=0)  # (steps,)
