@@ -10,12 +10,13 @@ from .results import Results
 
 
 def class_fluid(results: Results) -> FluidState | None:
-    """Read the fluid that decides on leakage classes from the case of the results.
+    """Read the fluid whose leakage is compared with leakage classes: the test fluid of the case if there is one.
 
     Returns
     -------
     FluidState or None
-        If the fluid of the case cannot be read, the fluid of the scene of the results. None if they have no scene.
+        If the case of the results contains no fluid that can be read, it is the fluid for which the results in memory
+        were solved. For results that were read from a file, it is then None.
     """
     try:
         table = results.case.get("output", {}).get("test_fluid") or results.case["fluid"]

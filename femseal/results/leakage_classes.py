@@ -92,7 +92,8 @@ def class_limits(
     Parameters
     ----------
     data : dataset of a run.
-    classes : leakage classes; by default those of the run, and the usual ones if the run has none.
+    classes : leakage classes. By default, these are the classes of the run. If the run has none, the classes in `USUAL`
+        are used.
     diameter : nominal diameter [m]; by default that of the run.
     """
     if not classes:
