@@ -5,8 +5,8 @@ depends on its size, and the values of the parts are added in a fixed order.
 
 Compiled loops are cached on disk. They release the global lock of the Python interpreter, so that threads can run them
 at the same time. By default Numba also compiles an entry point for calls from C, and an entry point for calls from
-Python even for functions that are only called by compiled code. Both are switched off here, which saves a twelfth of
-the compile time.
+Python even for functions that are only called by compiled code. Both entry points are switched off here, which saves a
+twelfth of the compile time.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -98,7 +98,7 @@ def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> 
 def over(parts: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
     """Call `work(*part, *arguments)` for each part of an array on the threads of this process.
 
-    parts : parts of the array, for example the parts that `rows` returns.
+    parts : arguments of `work` for each part of the array, for example the ranges that `rows` returns.
 
     Returns the values in the order of the parts.
     """
@@ -134,7 +134,7 @@ def inner(**options: Any) -> Callable[[Any], Any]:
 
 
 def leader(**options: Any) -> Callable[[Any], Any]:
-    """Return a decorator for a function that leads through an algorithm by calling compiled functions.
+    """Return a decorator for a function that runs the steps of an algorithm, which are compiled functions.
 
     If it is called from Python, it runs in the interpreter, and the functions that it calls divide their work between
     threads. If it is called from a compiled function, it is compiled as a part of that function.
@@ -158,10 +158,11 @@ def by_rows(**options: Any) -> Callable[[Any], Any]:
         @wraps(function)
         def run_on_threads(field: Any, *arguments: Any) -> None:
             n1, n2 = field.shape[:2]
-            # + 1: the first row is a border
+            # without the first and the last row; the numbers are shifted by 1, because the first row is a border
             inner_rows = [(first + 1, end + 1) for first, end in rows(n1 - 2, n2)]
             over(inner_rows, loop, field, *arguments)
 
+        # when Numba compiles a call of `run_on_threads`, it compiles a call of `run_once` instead
         @overload(run_on_threads)
         def _run_in_compiled_code(field: Any, *arguments: Any) -> Callable[..., None]:
             def run_once(field: Any, *arguments: Any) -> None:
@@ -185,7 +186,7 @@ def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[An
     Parameters
     ----------
     merged : callable
-        Combines the values of all parts, which it receives as a list, for example `summed`.
+        Function that combines the list of the values of all parts into one value, for example `summed`.
     **options
         Further options of Numba.
     """
@@ -197,6 +198,7 @@ def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[An
         def run_on_threads(n: int, *arguments: Any) -> Any:
             return merged(over(parts(n, _ITEMS), loop, *arguments))
 
+        # when Numba compiles a call of `run_on_threads`, it compiles a call of `run_once` instead
         @overload(run_on_threads, jit_options=options)  # type: ignore[arg-type]
         def _run_in_compiled_code(n: int, *arguments: Any) -> Callable[..., Any]:
             def run_once(n: int, *arguments: Any) -> Any:

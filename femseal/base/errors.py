@@ -91,14 +91,18 @@ class InputError(FemsealError, ValueError):
         """
         what, expected = self.what, self.expected
         for name, key in keys.items():
+            if not self.what.startswith(name):
+                continue
+            # "wave" is replaced in "wave" and in "wave of the first face", but not in "wavelength" or "wave_number"
             rest = self.what.removeprefix(name)
-            is_whole_name = rest != self.what and not rest[:1].isalnum() and rest[:1] != "_"
-            if is_whole_name:
+            is_longer_name = rest[:1].isalnum() or rest.startswith("_")
+            if not is_longer_name:
                 what = f"{key}{rest}"
         for name, value in self.suggested.items():
             if name in keys:
-                in_case = list(value) if isinstance(value, tuple) else value
-                expected = expected.replace(f"{name}={value}", f"{keys[name]} = {in_case}")
+                # TOML has arrays in place of tuples
+                value_in_case = list(value) if isinstance(value, tuple) else value
+                expected = expected.replace(f"{name}={value}", f"{keys[name]} = {value_in_case}")
         return InputError(what, self.given, expected)
 
     def __reduce__(self) -> tuple[Any, ...]:

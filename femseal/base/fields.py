@@ -1,8 +1,8 @@
 """Declare the fields of results: name, unit, meaning, dimensions and column heading.
 
-Each field is declared once. The declaration labels it in the dataset and its netCDF file, in files for ParaView, in
-tables and in pictures. A class of results declares its stored fields with `declared`, and the fields that it computes
-from them in `computed_fields`. A field that combines several results is declared where it is computed.
+Each field is declared once. The declaration provides its name and unit for the dataset and its netCDF file, for files
+for ParaView, for tables and for pictures. A class of results declares its stored fields with `declared`, and the fields
+that it computes from them in `computed_fields`. A field that combines several results is declared where it is computed.
 """
 
 from __future__ import annotations

@@ -132,13 +132,15 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
 
     size = math.prod(shape) * np.dtype(dtype).itemsize
     on_disk = lies_on_disk(size)
-    cannot_share = bool(_shared) and not hasattr(os, "memfd_create")
-    if size == 0 or cannot_share or not (on_disk or _shared):
+    is_shared = bool(_shared)
+    needs_file = on_disk or is_shared
+    cannot_share = is_shared and not hasattr(os, "memfd_create")  # other systems than Linux
+    if size == 0 or cannot_share or not needs_file:
         return np.empty(shape, dtype)
     try:
         with _unnamed_file(on_disk) as file:
             _reserve(file, size, on_disk)
-            if not _shared:
+            if not is_shared:
                 return np.memmap(file, dtype, "r+", shape=shape)
             descriptor = os.dup(file.fileno())
             _shared[-1].append(descriptor)

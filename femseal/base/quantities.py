@@ -1,6 +1,6 @@
 """Convert between quantities with units as text and numbers in SI: '210 GPa' -> 210e9.
 
-This is the only module that knows units as text. All other modules use SI.
+Only this module handles quantities as text. All other modules use numbers in SI units.
 """
 
 import re
@@ -349,6 +349,8 @@ def as_text(value: Any, unit: str = "", *, percent: bool = False, joint: str = "
         Whether to write a fraction as a percentage.
     joint : str
         Text between the values of a tuple. Default: " × " for lengths and whole numbers, otherwise ", ".
+    **_
+        Ignored, so that all metadata of a field can be passed.
 
     Examples
     --------

@@ -10,7 +10,7 @@ from html import escape
 from math import expm1, isfinite, isnan
 from textwrap import fill
 from types import ModuleType
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -283,6 +283,14 @@ def display_package(name: str) -> ModuleType:
     return displays[name]()
 
 
+class _Fact(NamedTuple):
+    """Hold the name of a property or field, its value as text, and its meaning ("" for a property)."""
+
+    name: str
+    text: str
+    meaning: str
+
+
 class Shown(Plotted):
     """Give result classes a short representation in the terminal and a table in notebooks.
 
@@ -295,30 +303,26 @@ class Shown(Plotted):
     _derived: ClassVar[dict[str, str]] = {}
 
     def __repr__(self) -> str:
-        facts = (f"{name} {text}" for name, text, _ in self._facts(include_hidden=False))
+        facts = (f"{fact.name} {fact.text}" for fact in self._facts(include_hidden=False))
         return f"{type(self).__name__}({', '.join(facts)})"
 
     def _repr_html_(self) -> str:
         table = TextTable(type(self).__name__, (), tuple(self._facts(include_hidden=True)))
         return table._repr_html_()
 
-    def _facts(self, include_hidden: bool) -> list[tuple[str, str, str]]:
-        """Return (name, value as text, meaning) of the properties and fields that have a value.
+    def _facts(self, include_hidden: bool) -> list[_Fact]:
+        """List the properties and fields that have a value.
 
         include_hidden : whether fields with `repr=False` are included.
         """
-        entries = [(name, unit, "") for name, unit in self._derived.items()]
+        facts = []
+        for name, unit in self._derived.items():
+            facts.append(_Fact(name, value_text(getattr(self, name), unit), ""))
         for f in fields(self):  # type: ignore[arg-type]
             if include_hidden or f.repr:
-                entries.append(
-                    (f.name, f.metadata.get("unit", "1"), f.metadata.get("long_name", ""))
-                )
-        facts = []
-        for name, unit, meaning in entries:
-            text = value_text(getattr(self, name), unit)
-            if text:
-                facts.append((name, text, meaning))
-        return facts
+                text = value_text(getattr(self, f.name), f.metadata.get("unit", "1"))
+                facts.append(_Fact(f.name, text, f.metadata.get("long_name", "")))
+        return [fact for fact in facts if fact.text]
 
 
 def value_text(value: Any, unit: str = "1") -> str:

@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from functools import lru_cache, partial
 from itertools import islice
 from threading import Event
-from typing import Any
+from typing import Any, NamedTuple
 
 from ..base import FemsealError, InputError, Mapper, Stage, numerical_versions
 from .processes import ENVIRONMENT, starting_processes
@@ -24,7 +24,7 @@ WORKER_SECONDS = 600
 #: Unfinished tasks for each thread of the cluster: one is computed while the next one waits.
 UNDER_WAY = 2
 #: Largest number of tasks that were sent but whose results have not been yielded yet, in multiples of the number of
-#: unfinished tasks. They include finished tasks that wait for an earlier one.
+#: tasks that should be unfinished. They include finished tasks that wait for an earlier one.
 MOST_SENT = 8
 #: Number of times that a task is sent again after the cluster has lost its data.
 RETRIES = 10
@@ -145,45 +145,65 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     computed, the items after it are computed as well, and their results wait until it is finished.
     """
     items = zip(*iterables, strict=False)
-    remote_stage = _send_stage(client, stage)
-    sent: deque[tuple[tuple[Any, ...], Any]] = deque()  # (item, task), in the order of the items
+    remote_stage = _RemoteStage(client, stage)
+    sent: deque[_Sent] = deque()  # in the order of the items
     task_finished = Event()
     while True:
         task_finished.clear()
         for item in islice(items, _number_to_send(client, sent)):
-            task = _submit(client, remote_stage, item)
-            sent.append((item, task))
+            task = remote_stage.submit(item)
+            sent.append(_Sent(item, task))
             task.add_done_callback(lambda _: task_finished.set())
         if not sent:
             return
-        first_item, first_task = sent[0]
-        if not first_task.done():
-            if not task_finished.wait(ANSWER_SECONDS):
-                _await_worker(client)
-            continue
-        sent.popleft()
+        if sent[0].task.done():
+            yield remote_stage.result(sent.popleft())
+        elif not task_finished.wait(ANSWER_SECONDS):
+            _await_worker(client)
+
+
+class _Sent(NamedTuple):
+    """Hold an item and the task that computes it."""
+
+    item: tuple[Any, ...]
+    task: Any
+
+
+class _RemoteStage:
+    """Send a stage to all workers of a cluster, and compute its items there."""
+
+    def __init__(self, client: Any, stage: Stage) -> None:
+        self._client = client
+        self._stage = stage
+        #: The stage on the workers.
+        self._data = _send_stage(client, stage)
+
+    def submit(self, item: tuple[Any, ...]) -> Any:
+        """Send a task that computes one item, and return the task."""
+        return _submit(self._client, self._data, item)
+
+    def result(self, sent: _Sent) -> Any:
+        """Return the result of a task. The item is sent again if its workers have died."""
+        task = sent.task
         for _ in range(RETRIES):
             try:
-                result = _wait_for_result(client, first_task)
-                break
+                return _wait_for_result(self._client, task)
             except CancelledError:
                 # all workers that had the stage are gone
-                if remote_stage.status != "finished":
-                    remote_stage = _send_stage(client, stage)
-                first_task = _submit(client, remote_stage, first_item)
-        else:
-            raise FemsealError(
-                f"scheduler: the workers of a task died {RETRIES} times, perhaps because memory ran out"
-            )
-        yield result
+                if self._data.status != "finished":
+                    self._data = _send_stage(self._client, self._stage)
+                task = self.submit(sent.item)
+        raise FemsealError(
+            f"scheduler: the workers of a task died {RETRIES} times, perhaps because memory ran out"
+        )
 
 
-def _number_to_send(client: Any, sent: deque[tuple[tuple[Any, ...], Any]]) -> int:
-    """Return how many further tasks should be sent.
+def _number_to_send(client: Any, sent: deque[_Sent]) -> int:
+    """Return the number of further tasks that should be sent.
 
     sent : items and tasks that were sent but whose results have not been yielded yet.
     """
-    wanted = UNDER_WAY * max(1, _threads(client))
+    wanted = UNDER_WAY * max(1, _threads(client))  # number of unfinished tasks
     unfinished = sum(not task.done() for _, task in sent)
     return max(0, min(wanted - unfinished, MOST_SENT * wanted - len(sent)))
 

@@ -77,6 +77,7 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
         return
     with NamedTemporaryFile(suffix=".pickle", dir=folder, delete=False) as file:
         pickle.dump(stage, file, protocol=5)
+    # number of items that joblib takes in advance, and number of processes that compute at the same time
     under_way: Any = "2 * n_jobs"
     processes = count
     if stage.memory:

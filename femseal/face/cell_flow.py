@@ -335,6 +335,7 @@ def drop_fractions(
     drop = settings.drop
     pressure: Array | float = 0.0
     if drop.law.depends_on_pressure:
+        # where nothing flows the potential is NaN; any pressure can be used there
         known = np.nan_to_num(potential, nan=0.5)
         pressure = pressure_between(drop.fluid, drop.inlet, drop.outlet, known)
         pressure = np.maximum(pressure, drop.least_pressure)

@@ -2,8 +2,8 @@
 
 The contact is solved for the whole surface, because its long waves keep the valleys of a cell open; a single cell under
 load would be flattened. The flow through a cell is solved with closed sides. This excludes detours through neighbouring
-cells, so that the cells in order leak less than the surface. A correction factor for each axis and state compensates
-for this.
+cells, so that the cells in their original order leak less than the surface. A correction factor for each axis and state
+compensates for this.
 """
 
 from __future__ import annotations
@@ -96,22 +96,23 @@ class Cut:
         Raises InputError if a cell would have fewer than 8 points along a side, or if there are more patches than
         columns of cells.
         """
-        widths = surface.widths
+        widths = surface.widths  # number of points of each patch along x2
         m1, m2 = validate.grid("cells", cells)
         if m2 < len(widths):
             raise InputError("cells", cells, f"along x2 from {len(widths)}, one for each patch")
         columns_of_patches = _distribute_columns(widths, min(m2, sum(widths)))
-        # (number of points, number of cells) of each division
+        # pairs of a number of points and the number of cells among which they are divided
         divisions = [(surface.shape[0], m1), *zip(widths, columns_of_patches, strict=True)]
-        if any(n // m < FEWEST_POINTS for n, m in divisions if m > 1):
+        if any(points // count < FEWEST_POINTS for points, count in divisions if count > 1):
             given = f"{m1} × {m2} of {surface.shape[0]} × {surface.shape[1]} points"
             raise InputError(
                 "cells", given, f"cells of at least {FEWEST_POINTS} × {FEWEST_POINTS} points"
             )
-        columns = [0]
+        columns = [0]  # first point of each column of cells, and the end of the last one
         patch_of_column: list[int] = []
         for number, (width, count) in enumerate(zip(widths, columns_of_patches, strict=True)):
-            columns += _divide_range(columns[-1], width, count)[1:]
+            end_of_previous_patch = columns[-1]
+            columns += _divide_range(end_of_previous_patch, width, count)[1:]
             patch_of_column += [number] * count
         rows = _divide_range(0, surface.shape[0], m1)
         return cls(tuple(rows), tuple(columns), tuple(patch_of_column), surface.spacing)
@@ -203,13 +204,15 @@ def _distribute_columns(widths: Sequence[int], columns: int) -> list[int]:
 
     The shares are whole numbers of at least 1, by the largest remainder method.
     """
-    wanted = np.array(widths) * (columns / sum(widths))
+    wanted = np.array(widths) * (columns / sum(widths))  # shares that are not whole numbers
     shares = np.maximum(wanted.astype(int), 1)
     while shares.sum() != columns:
+        remainders = wanted - shares
         if shares.sum() < columns:
-            shares[np.argmax(wanted - shares)] += 1
+            shares[np.argmax(remainders)] += 1
         else:
-            shares[np.argmin(np.where(shares > 1, wanted - shares, np.inf))] -= 1
+            # a share of 1 is not reduced
+            shares[np.argmin(np.where(shares > 1, remainders, np.inf))] -= 1
     return [int(share) for share in shares]
 
 
@@ -336,7 +339,7 @@ class CellState:
             cells = cut.split_with_overlaps(gap, axis, boundary)
             for index, cell in zip(np.ndindex(*cut.shape), cells, strict=True):
                 if not np.isfinite(cell.field).all():
-                    continue
+                    continue  # the permeability of this cell stays NaN
                 cell_gap = np.array(cell.field, float)
                 solution = attempt(
                     cell_permeabilities, cell_gap, cut.spacing, axis, flow, cell.core

@@ -31,13 +31,18 @@ class LogCurve:
 
     def __init__(self, x: Array, k: Array) -> None:
         """Interpolate values k (n,) at increasing x (n,) up to the first point at which k is 0."""
-        n_open = int(
-            np.argmin(np.append(k > 0, False))
-        )  # number of points before the first closed one
-        # In the padded array, the last open point has the index n_open, and the first closed one n_open + 1.
-        padded = np.r_[-np.inf, x, np.inf]
-        self.end = float(padded[n_open : n_open + 2].mean())
-        self._x, self._log_k = x[:n_open], np.log(k[:n_open])
+        # The appended False is a closed point behind all others. argmin returns the index of the first closed point,
+        # which is the number of open points before it.
+        n_open = int(np.argmin(np.append(k > 0, False)))
+        if n_open == 0:
+            self.end = -np.inf
+        elif n_open == x.size:
+            self.end = np.inf
+        else:
+            self.end = float(x[n_open - 1] + x[n_open]) / 2
+        self._x = x[:n_open]
+        self._log_k = np.log(k[:n_open])
+        #: Interpolation between the open points; None with fewer than two of them.
         self._inner = PchipInterpolator(self._x, self._log_k) if n_open > 1 else None
 
     def __call__(self, x: Array) -> Array:
@@ -48,10 +53,12 @@ class LogCurve:
         x = np.asarray(x, float)
         if not self._x.size:
             return np.full(x.shape, -np.inf)
-        if self._inner is None:
+        if self._inner is None:  # a single open point
             return np.where(x <= self.end, self._log_k[0], -np.inf)
+        # slope between the last two open points; beyond them the permeability must not rise
         last_slope = float(np.diff(self._log_k[-2:])[0] / np.diff(self._x[-2:])[0])
         slope = min(0.0, last_slope)
+        # distance from the last open point; a cell that is open at all points stays as open as at the last one
         beyond = np.maximum(x - self._x[-1], 0.0) if np.isfinite(self.end) else 0.0
         value = self._inner(np.clip(x, self._x[0], self._x[-1])) + slope * beyond
         return np.where(x <= self.end, value, -np.inf)
@@ -76,16 +83,21 @@ class CellCurves:
         self._pressure, self._k = steps.pressures[on_loading], k[on_loading]
         peaks = []
         self._unloading = []
-        for branch in steps.branches[1:]:
-            down = branch[known[branch]][::-1]  # known steps from low to high pressure
-            peak = steps[branch[0]].unloaded_from
-            if down.size and on_loading.any():
-                fractions = np.append(steps.pressures[down] / peak, 1.0)
-                at_peak = self.k_on_loading(np.array(peak))
-                self._unloading.append(LogCurve(fractions, np.append(k[down], at_peak)))
-                peaks.append(peak)
+        # branch 0 is the loading; each other branch contains the steps of an unloading, from high to low pressure
+        for unloading in steps.branches[1:]:
+            peak = steps[unloading[0]].unloaded_from
+            known_steps = unloading[known[unloading]]
+            if not known_steps.size or not on_loading.any():
+                continue
+            rising = known_steps[::-1]  # from low to high pressure
+            # The curve is a function of the pressure as a fraction of the peak. At the peak itself (fraction 1), the
+            # permeability is that on loading.
+            fractions = np.append(steps.pressures[rising] / peak, 1.0)
+            at_peak = self.k_on_loading(np.array(peak))
+            self._unloading.append(LogCurve(fractions, np.append(k[rising], at_peak)))
+            peaks.append(peak)
         self._peaks = np.array(peaks)
-        self._unloads = bool(steps.unload_from)
+        self._has_unloadings = bool(steps.unload_from)
 
     @cached_property
     def loading(self) -> LogCurve:
@@ -114,12 +126,10 @@ class CellCurves:
         array, (n,)
             Permeability [m³].
         """
+        if not self._peaks.size and self._has_unloadings:
+            return np.full(np.shape(pressure), np.nan)
         if not self._peaks.size:
-            return (
-                np.full(np.shape(pressure), np.nan)
-                if self._unloads
-                else self.k_on_loading(pressure)
-            )
+            return self.k_on_loading(pressure)
         fraction = np.clip(pressure / peak, 0.0, 1.0)
         # Knot 0 is the loading curve, and knot m the m-th tabulated peak. The result is interpolated between the knots
         # `upper` − 1 and `upper`.
@@ -166,16 +176,24 @@ class CellCurves:
         return np.where((relative <= 1) & np.isfinite(on_loading), np.exp(log_k), 0.0)
 
     def _log_k_at_knots(self, knot: Indices, relative: Array, peak: Array) -> Array:
-        """Evaluate ln k (n,) on the curve of each knot (n,), at fractions `relative` (n,) of its reopening pressure.
+        """Evaluate ln k (n,) at n points, each on the curve of its knot.
 
-        On the loading curve (knot 0), the fractions refer to the peak, or to the closing pressure if that is lower.
+        Knot 0 is the loading curve, and knot m the unloading curve from the m-th tabulated peak.
+
+        knot : knot of each point (n,).
+        relative : pressure of each point as a fraction of the reopening pressure of its knot (n,). On the loading
+        curve, it is a fraction of the peak, or of the closing pressure if that is lower.
+        peak : peak from which each point is unloaded (n,) [Pa].
         """
-        root_of_reference = np.minimum(np.cbrt(peak), max(self.loading.end, 0.0))
-        log_k = self.loading(np.cbrt(relative) * root_of_reference)
+        # the loading curve is a function of the cube root of the pressure, and ends at that of the closing pressure
+        root_of_closing = max(self.loading.end, 0.0)
+        root_of_reference = np.minimum(np.cbrt(peak), root_of_closing)
+        log_k = self.loading(np.cbrt(relative) * root_of_reference)  # replaced at all other knots
         for number, curve in enumerate(self._unloading, start=1):
             is_on_curve = knot == number
             if is_on_curve.any():
-                log_k[is_on_curve] = curve(relative[is_on_curve] * _reopening_fraction(curve))
+                fraction_of_peak = relative[is_on_curve] * _reopening_fraction(curve)
+                log_k[is_on_curve] = curve(fraction_of_peak)
         return log_k
 
     def k_on_paths(self, paths: Array, steps: LoadProgramme) -> Array:
@@ -200,9 +218,13 @@ def _interpolate_log_k(weight: Array, a: Array, b: Array) -> Array:
     """Interpolate ln k linearly, (1 − weight) a + weight b. If one of a and b is −inf (closed), return the other."""
     closed_a = np.isneginf(a)
     closed_b = np.isneginf(b)
+    # where one value is closed, the other one gets the whole weight
     weight = np.where(closed_b, 0.0, weight)
     weight = np.where(closed_a, 1.0, weight)
-    mean = (1 - weight) * np.where(closed_a, 0.0, a) + weight * np.where(closed_b, 0.0, b)
+    # 0 takes the place of −inf, because 0 · (−inf) is NaN
+    finite_a = np.where(closed_a, 0.0, a)
+    finite_b = np.where(closed_b, 0.0, b)
+    mean = (1 - weight) * finite_a + weight * finite_b
     return np.where(closed_a & closed_b, -np.inf, mean)
 
 
@@ -215,7 +237,8 @@ def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
     """
     highest = paths.copy()
     for branch in steps.branches:
-        # the steps of the branch; an unloading is preceded by the step at its peak
+        # indices of the steps of the branch in their order; an unloading is preceded by the step at its peak, whose
+        # value already contains the history of the loading
         history = np.union1d(branch, steps.peak_indices[branch])
         highest[history] = np.maximum.accumulate(highest[history], axis=0)
     return highest

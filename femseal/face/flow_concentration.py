@@ -69,12 +69,13 @@ def _short_wave(patch: Topography) -> float:
     q1, q2 = wavenumber_grids(patch.shape, patch.spacing, patch.periodic)
     squared = q1**2 + q2**2
     heights = patch.heights - patch.heights.mean()
-    slope = (wave_powers(heights, patch.periodic) * squared).ravel()
-    total = float(slope.sum())
+    # contribution of each wave to the mean square slope, |q|² times its contribution to the mean square height
+    square_slopes = (wave_powers(heights, patch.periodic) * squared).ravel()
+    total = float(square_slopes.sum())
     if not total > 0:
         return _FLAT_BLOCK * max(patch.spacing)
     # accumulate the mean square slope from the longest wave to the shortest
     order = np.argsort(squared, axis=None)
-    last = int(np.searchsorted(np.cumsum(slope[order]), _SLOPE_FRACTION * total))
+    last = int(np.searchsorted(np.cumsum(square_slopes[order]), _SLOPE_FRACTION * total))
     last = min(last, order.size - 1)
     return float(2 * np.pi / np.sqrt(squared.ravel()[order[last]]))

@@ -1,7 +1,7 @@
 """Cover a seal with a regular grid, on which the contact of the whole seal is solved.
 
 A ring is unrolled. The rows of the grid run around the ring and follow each other from the inlet to the outlet; each
-row is as long as the mean circumference. A mesh is covered by a rectangle of squares; squares outside of the seal are
+row is as long as the mean circumference. A mesh is covered with a rectangle of squares; squares outside of the seal are
 ignored.
 """
 
@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, Indices, Pair
+from ..base import Array, Indices, Pair, Shape
 from .plane import in_space, middles
 from .pressure_map import Frame
 from .tiles import SealTiles
@@ -55,7 +55,7 @@ class ContactGrid:
 
     @classmethod
     def over(cls, tiles: SealTiles, frame: Frame, *, profile: bool = False) -> ContactGrid:
-        """Cover the tiles of a seal by a regular grid.
+        """Cover the tiles of a seal with a regular grid.
 
         Parameters
         ----------
@@ -70,32 +70,23 @@ class ContactGrid:
             return cls._over_mesh(tiles)
         rows, columns = tiles.grid
         breadth, length = tiles.seal.size
-        inlet, outlet = frame.ends or (0.0, 0.0)
         # the grid leaves out the repeated columns of a short strip
         length *= tiles.unrepeated_elements.size / tiles.tile.size
-        fewest_rows = ROWS_OF_PROFILES if profile else _ROWS
-        # each tile gets a whole number of rows and columns of cells, unless there are very many tiles
-        n1 = fewest_rows
-        if rows <= fewest_rows:
-            n1 = _smallest_multiple(rows, fewest_rows)
-        n2 = max(_COLUMNS, min(_smallest_multiple(columns, _COLUMNS), _MOST_CELLS // n1))
-        # centres of the rows and columns, as fractions of breadth and length
-        x1, x2 = ((np.arange(n) + 0.5) / n for n in (n1, n2))
-        across, along = np.meshgrid(inlet + (outlet - inlet) * x1, x2, indexing="ij")
-        if frame.size is not None:
-            points = np.stack([across, length * along], axis=-1)
-        else:
-            angle = 2 * pi * along
-            points = across[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        row = (x1 * rows).astype(np.int64)
-        column = (x2 * columns).astype(np.int64)
-        tile = row[:, None] * columns + column  # tiles are numbered row by row
+        n1, n2 = _grid_shape(rows, columns, ROWS_OF_PROFILES if profile else _ROWS)
+        # centres of the rows (n1,) and of the columns (n2,), as fractions of breadth and length
+        x1 = (np.arange(n1) + 0.5) / n1
+        x2 = (np.arange(n2) + 0.5) / n2
+        points = _points_of_grid(x1, x2, length, frame)
+        # tiles are numbered row by row
+        row_of_tiles = (x1 * rows).astype(np.int64)
+        column_of_tiles = (x2 * columns).astype(np.int64)
+        tile = row_of_tiles[:, None] * columns + column_of_tiles  # (n1, n2)
         spacing = (breadth / n1, length / n2)
         return cls._with_averaging(points, spacing, ("free", "periodic"), tile, tiles)
 
     @classmethod
     def _over_mesh(cls, tiles: SealTiles) -> ContactGrid:
-        """Cover a mesh by squares with half the side of an average tile, within limits for the number of squares."""
+        """Cover a mesh with squares of half the side of an average tile, within limits for the number of squares."""
         import pyvista
 
         mesh = tiles.seal.mesh
@@ -130,7 +121,7 @@ class ContactGrid:
         from scipy.sparse import csr_array
         from scipy.spatial import cKDTree
 
-        inside = np.flatnonzero(tile >= 0)
+        inside = np.flatnonzero(tile >= 0)  # indices of the cells on the seal, row by row
         empty_tiles = np.setdiff1d(np.arange(tiles.count), tile)
         tree = cKDTree(points.reshape(-1, 2)[inside])
         _, nearest = tree.query(tiles.middles[empty_tiles])
@@ -166,6 +157,37 @@ class ContactGrid:
         """
         at_all_cells = np.broadcast_to(values, (*values.shape[:-2], *self.tile.shape))
         return np.asarray(at_all_cells.reshape(*values.shape[:-2], -1) @ self.averaging.T)
+
+
+def _grid_shape(rows: int, columns: int, fewest_rows: int) -> Shape:
+    """Choose the numbers of rows and columns of the grid over a strip or a ring.
+
+    Each tile gets a whole number of rows and columns of cells, unless there are very many tiles.
+
+    rows, columns : numbers of rows and columns of tiles.
+    fewest_rows : smallest number of rows of the grid.
+    """
+    n1 = fewest_rows
+    if rows <= fewest_rows:
+        n1 = _smallest_multiple(rows, fewest_rows)
+    most_columns = _MOST_CELLS // n1
+    n2 = min(_smallest_multiple(columns, _COLUMNS), most_columns)
+    return n1, max(_COLUMNS, n2)
+
+
+def _points_of_grid(x1: Array, x2: Array, length: float, frame: Frame) -> Array:
+    """Return the centres of the cells of a grid over a strip or a ring, (n1, n2, 2) [m].
+
+    x1, x2 : centres of the rows (n1,) and of the columns (n2,), as fractions of breadth and length.
+    length : length of the strip [m].
+    """
+    inlet, outlet = frame.ends or (0.0, 0.0)
+    # x1 of the strip or radius of the ring [m], and fraction of the length, (n1, n2) each
+    across, along = np.meshgrid(inlet + (outlet - inlet) * x1, x2, indexing="ij")
+    if frame.size is not None:
+        return np.stack([across, length * along], axis=-1)
+    angle = 2 * pi * along
+    return across[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def _smallest_multiple(factor: int, least: int) -> int:

@@ -1,7 +1,7 @@
 """Describe the direction of the lay on a seal.
 
-Machining marks run along x2 of the measured surface. The lay of a seal is the direction in which x2 of the surface
-points on the seal.
+Machining marks run along x2 of the measured surface. The lay of a seal is the direction on the seal of the axis x2 of
+the surface.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LARGEST_DISTANCE = 2.0
 
 @dataclass(frozen=True)
 class Lay:
-    """Describe the direction in which x2 of the cells points on the seal. Opposite directions are the same lay.
+    """Describe the lay on a seal: the direction of the axis x2 of the cells. Opposite directions are the same lay.
 
     A lay is given by a name, by an angle, as a spiral, or as a vector field; exactly one of these is set.
 
@@ -91,7 +91,12 @@ class Lay:
             # tan α of a spiral groove; 0 for a circumferential lay, whose lead is 0
             tangent = (self.lead / (2 * np.pi * distance))[:, None]
             return (circumferential + tangent * radial) / np.sqrt(1 + tangent**2)
-        angle = {"x1": 0.0, "x2": np.pi / 2}.get(self.name, self.angle or 0.0)
+        if self.name == "x1":
+            angle = 0.0
+        elif self.name == "x2":
+            angle = np.pi / 2
+        else:
+            angle = self.angle or 0.0
         return np.tile([np.cos(angle), np.sin(angle)], (len(points), 1))
 
     def check_lead(self, breadth: float) -> None:

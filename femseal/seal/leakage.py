@@ -99,6 +99,7 @@ def _in_viscous_potential(
     rate : flow rate for the unit drop of ψ [m³].
     fraction : potential ψ at the points, as a fraction of the drop of ψ.
     """
+    # the drop of ψ is `factor` times the drop of φ, so that the flow for a unit drop of φ is larger by this factor
     factor = drop.mean_factor
     potential = drop.viscous_fraction(fraction)
     return replace(
@@ -118,15 +119,16 @@ def _element_values(seal: Seal, values: Array) -> Array:
 
     Raises InputError if the shape of the values does not fit the elements of the seal.
     """
-    count = seal.element_shapes[0]
+    (n,) = seal.element_shapes[0]
     if values.ndim == 1:
-        values = np.broadcast_to(values[:, None], (len(values), *count))
+        values = np.broadcast_to(values[:, None], (len(values), n))
     if values.shape[1:] not in seal.element_shapes:
         allowed = " or ".join(map(str, seal.element_shapes))
         expected = f"{len(values)} values, or as many for each element {allowed}"
         raise InputError("permeability", f"shape {values.shape}", expected)
-    has_axes = values[0].size == 2 * count[0]
-    return values.reshape(len(values), *count, *((2,) if has_axes else ()))
+    if values[0].size == 2 * n:
+        return values.reshape(len(values), n, 2)
+    return values.reshape(len(values), n)
 
 
 def _corner_range(seal: Seal, at_points: Array, shape: tuple[int, ...]) -> tuple[Array, Array]:
@@ -137,9 +139,11 @@ def _corner_range(seal: Seal, at_points: Array, shape: tuple[int, ...]) -> tuple
     second, so that NumPy can broadcast them with the permeability.
     """
     corners = seal.corner_values(at_points)  # (element, corner)
-    lowest, highest = corners.min(axis=1), corners.max(axis=1)
-    trailing_axes = (1,) * (len(shape) - 1)
-    return lowest.reshape(-1, *trailing_axes), highest.reshape(-1, *trailing_axes)
+    lowest = corners.min(axis=1)
+    highest = corners.max(axis=1)
+    if len(shape) == 1:
+        return lowest, highest
+    return lowest[:, None], highest[:, None]
 
 
 def _quantity(unit: str, long_name: str, **options: Any) -> Any:

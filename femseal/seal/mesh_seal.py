@@ -44,8 +44,8 @@ _ROUNDING = 1e-12
 def first_overlap(mesh: Mesh) -> tuple[int, ...]:
     """Find two overlapping elements, at least one of which is at the boundary of the mesh.
 
-    Two convex polygons do not overlap if their projections on the normal of one of their edges do not (separating axis
-    theorem).
+    Two convex polygons do not overlap if one of them has an edge on whose normal their projections do not overlap
+    (separating axis theorem).
 
     Parameters
     ----------
@@ -427,15 +427,19 @@ class ElementSeal:
             Flow with the potential at the vertices of the mesh.
         """
         tensors = self.tensors(permeability)
-        is_plain = solver in PLAIN_SOLVERS or bool(tensors[:, 0, 1].any())
-        if self.rectangles is not None and not is_plain:
+        is_oblique = bool(
+            tensors[:, 0, 1].any()
+        )  # principal axes that are not parallel to the mesh axes
+        needs_mesh = solver in PLAIN_SOLVERS or is_oblique
+        if self.rectangles is not None and not needs_mesh:
             return self._flow_over_rectangles(self.rectangles, tensors, bounds, solver)
         solver = solver if solver in PLAIN_SOLVERS else "auto"
         flow = self._operators.flow(tensors, bounds=bounds, solver=solver)
         if not bounds:
             return flow
-        lower = flow.lower if flow.lower > self._flow_of_closed_axes(permeability) else 0.0
-        conductance = float(np.sqrt(lower) * np.sqrt(flow.upper))
+        is_open = flow.lower > self._largest_flow_if_closed(permeability)
+        lower = flow.lower if is_open else 0.0
+        conductance = float(np.sqrt(lower) * np.sqrt(flow.upper))  # geometric mean of both bounds
         return replace(flow, conductance=conductance, lower=lower, percolates=lower > 0)
 
     def _flow_over_rectangles(
@@ -449,13 +453,19 @@ class ElementSeal:
         complement[rectangles.vertices] = flow.complement
         return replace(flow, potential=potential, complement=complement)
 
-    def _flow_of_closed_axes(self, permeability: Any) -> float:
+    def _largest_flow_if_closed(self, permeability: Any) -> float:
         """Return the flow for a unit drop [m³] below which a seal counts as closed.
 
         Closed axes of elements get a small permeability, so that a closed seal has a small computed flow, see
         `_CLOSED_BELOW`. This limit is larger than any such flow.
         """
         smaller, larger = principal_values(self.tensors(permeability))
+        # elements that are closed along one of their axes, apart from rounding errors
         is_half_closed = (larger > 0) & (smaller <= 1e-14 * larger)
-        typical = float(np.median(larger[is_half_closed])) if is_half_closed.any() else 0.0
-        return _CLOSED_BELOW * CLOSED_AXIS * typical * self.size[1] / self.size[0]
+        if not is_half_closed.any():
+            return 0.0
+        typical = float(np.median(larger[is_half_closed]))
+        # A seal of the permeability k has the flow k · length / breadth for a unit drop. Here k is the small
+        # permeability that the closed axes get, CLOSED_AXIS · typical.
+        breadth, length = self.size
+        return _CLOSED_BELOW * CLOSED_AXIS * typical * length / breadth

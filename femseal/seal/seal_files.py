@@ -13,7 +13,7 @@ import io
 from collections.abc import Iterable
 from os import PathLike, fspath
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -210,7 +210,7 @@ def _named_lines(data: Any) -> dict[str, Indices]:
     The lines of a boundary are those in the cell set with its name. If there is no such set, they are the lines with
     the number of the boundary.
     """
-    named: dict[str, list[Indices]] = {}
+    named: dict[str, list[Indices]] = {}  # end nodes (m, 2) of the lines, in one or several arrays
     for name, members in data.cell_sets.items():
         if name.startswith("gmsh:"):
             continue
@@ -294,7 +294,15 @@ def read_pressure_field(
     return PressureField.from_points(length * points, unit * values, triangles)
 
 
-def text_rows(file: Path, what: str = "path") -> list[tuple[int, str, list[str]]]:
+class TextRow(NamedTuple):
+    """Hold the number of a line in its file, its text, and the entries of its columns."""
+
+    number: int
+    line: str
+    entries: list[str]
+
+
+def text_rows(file: Path, what: str = "path") -> list[TextRow]:
     """Read the lines of a text file with columns, without empty lines and comments (#).
 
     The columns are separated by commas, semicolons or tabs, whichever is most frequent in the first line, or by blanks
@@ -309,8 +317,8 @@ def text_rows(file: Path, what: str = "path") -> list[tuple[int, str, list[str]]
 
     Returns
     -------
-    list of (int, str, list of str)
-        Number, text and entries of each line.
+    list of TextRow
+        One row for each line.
 
     Raises
     ------
@@ -335,13 +343,13 @@ def text_rows(file: Path, what: str = "path") -> list[tuple[int, str, list[str]]
         entries = map(str.split, lines.values())
     # the reader of .csv files may join lines inside quotes, so that there may be fewer entries than lines
     numbered_lines = zip(lines.items(), entries, strict=False)
-    return [(number, line, row) for (number, line), row in numbered_lines]
+    return [TextRow(number, line, row) for (number, line), row in numbered_lines]
 
 
 def columns_of(file: Path) -> list[str]:
     """Return the names of the columns of a text file from its first line."""
-    _, _, head = text_rows(file)[0]
-    return [column.strip() for column in head]
+    first_row = text_rows(file)[0]
+    return [column.strip() for column in first_row.entries]
 
 
 def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
@@ -350,8 +358,8 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
     The first line of the file contains the names of the columns. Raises InputError if the file cannot be read, a column
     is missing or occurs twice, or an entry is not a number.
     """
-    (_, _, head), *rows = text_rows(file)
-    names = [column.strip() for column in head]
+    first_row, *rows = text_rows(file)
+    names = [column.strip() for column in first_row.entries]
     missing = [column for column in wanted if names.count(column) != 1]
     if missing:
         given = f"'{file}' with the columns {', '.join(names)}"
@@ -359,12 +367,12 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
         raise InputError("path", given, expected)
     columns = [names.index(column) for column in wanted]
     numbers = []
-    for _, line, row in rows:
+    for row in rows:
         try:
-            numbers.append([float(row[column]) for column in columns])
+            numbers.append([float(row.entries[column]) for column in columns])
         except (ValueError, IndexError):
             allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
-            given = f"'{file}' with the line '{shortened(line, 60)}'"
+            given = f"'{file}' with the line '{shortened(row.line, 60)}'"
             raise InputError("path", given, allowed) from None
     return np.reshape(numbers, (-1, len(wanted)))
 

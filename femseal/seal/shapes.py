@@ -140,6 +140,7 @@ class PeriodicSeal:
         k = checked_permeability("permeability", permeability, *self.element_shapes, tensors)
         if k.shape == tensors:
             return permeability_tensors(k, n1 * n2).reshape(n1, n2, 2, 2)
+        # axes (row, column, axis of the element)
         if k.shape == ():
             k = k.reshape(1, 1, 1)
         elif k.shape in ((n1, n2), (n1 * n2,)):

@@ -225,16 +225,17 @@ class SealTiles:
         """
         corners = self.seal.outlines  # (element, corner, 2)
         corner_potential = np.nan_to_num(potential)[self.seal.mesh.t.T]  # (element, corner)
-        # The gradient at the centre follows from differences along two edges of a triangle, or along both diagonals of
-        # a quadrilateral.
+        # The gradient g at the centre follows from the differences of the potential along two lines, step · g =
+        # difference. The lines are two edges of a triangle, or both diagonals of a quadrilateral.
         if corners.shape[1] == 3:
             starts, ends = [0, 0], [1, 2]
         else:
             starts, ends = [0, 1], [2, 3]
-        steps = corners[:, ends] - corners[:, starts]
-        differences = corner_potential[:, ends] - corner_potential[:, starts]
-        gradient = np.linalg.solve(steps, differences[..., None])[..., 0]
-        # flux = −K·gradient with K = Σ k_i e_i e_iᵀ, where e_0 and e_1 are the unit vectors across and along the lay
+        steps = corners[:, ends] - corners[:, starts]  # (element, line, 2)
+        differences = corner_potential[:, ends] - corner_potential[:, starts]  # (element, line)
+        gradient = np.linalg.solve(steps, differences[..., None])[..., 0]  # (element, 2)
+        # flux = −K·gradient with K = Σ k_i e_i e_iᵀ, where e_0 and e_1 are the unit vectors across and along the lay.
+        # Indices of einsum: n element, i axis of the lay, a and b components in the plane.
         axes = _axes(self.lay)
         flux = -np.einsum("ni,nia,nib,nb->na", permeability, axes, axes, gradient)
         # the flow rate is the dissipation divided by the drop of potential
@@ -269,14 +270,15 @@ def cover_strip(cell_size: CellSize, lay: Lay) -> SealTiles:
     same row of the surface (`SealTiles.in_order`).
     """
     assert cell_size.length is not None
-    # sides of the tiles across and along the seal
+    # sides of the tiles across (d1) and along the seal (d2)
     d1, d2 = _tile_sides(cell_size.size, lay, "x2", "x1")
     surface_breadth = cell_size.rows * cell_size.size[0]
     breadth = surface_breadth if cell_size.breadth is None else cell_size.breadth
     rows = _row_count(breadth, d1, "breadth", breadth)
+    # numbers of columns of tiles of the whole strip, and of its part that is covered
     all_columns = max(1, round(cell_size.length / d2))
     columns = cell_size.covered_columns(rows, all_columns)
-    size = breadth, columns * d2
+    size = breadth, columns * d2  # of the covered part
     is_spiral = lay.name == "spiral"
     # a spiral deviates little from x2: the elements have a lay along x2, and `tangent` contains the deviation
     element_lay = Lay(name="x2") if is_spiral else lay
@@ -423,18 +425,24 @@ def _ring_geometry(radii: Pair, inlet: str, cells: Shape, part: float) -> _RingG
     # 1 if the radius increases in the direction of the flow, −1 if it decreases
     sign = 1.0 if inlet == "inner" else -1.0
     # radii of the row boundaries, from inlet to outlet
-    row_radii = np.linspace(*radii, rows + 1)[:: int(sign)]
+    row_radii = np.linspace(*radii, rows + 1)
+    if inlet == "outer":
+        row_radii = row_radii[::-1]
     inlet_radius = row_radii[0]
     rectangles = Rectangles(np.abs(np.log(row_radii / inlet_radius)), 2 * pi * part, columns)
-    plain = rectangles.plain_mesh
-    vertex_radii, outward = _radius_and_direction(plain.p, inlet_radius, sign)
-    outlines = (vertex_radii * outward).T[plain.t.T]
-    centre_radii, outward = _radius_and_direction(
-        plain.p[:, plain.t].mean(axis=1), inlet_radius, sign
-    )
+    mesh = rectangles.plain_mesh
+    vertex_radii, vertex_directions = _radius_and_direction(mesh.p, inlet_radius, sign)
+    vertices = (vertex_radii * vertex_directions).T  # in the plane, (vertex, 2)
+    outlines = vertices[mesh.t.T]  # (element, corner, 2)
+    # the mesh coordinates of a centre are the means of those of the corners, (2, element)
+    centre_coordinates = mesh.p[:, mesh.t].mean(axis=1)
+    centre_radii, outward = _radius_and_direction(centre_coordinates, inlet_radius, sign)
+    centres = (centre_radii * outward).T
+    # directions in which the mesh coordinates |ln r/r₀| and θ increase, (2, element) each
+    downstream = sign * outward
     around = np.array([-outward[1], outward[0]])
-    mesh_axes = np.stack([sign * outward, around]).transpose(2, 0, 1)
-    return _RingGeometry(rectangles, outlines, (centre_radii * outward).T, centre_radii, mesh_axes)
+    mesh_axes = np.stack([downstream, around]).transpose(2, 0, 1)  # (element, axis, 2)
+    return _RingGeometry(rectangles, outlines, centres, centre_radii, mesh_axes)
 
 
 def _radius_and_direction(points: Array, inlet_radius: float, sign: float) -> tuple[Array, Array]:
@@ -528,6 +536,7 @@ def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
     n1, n2 = cells[0], repetitions * cells[1]
     repeated_size = size[0], repetitions * size[1]
     strip = Rectangles(np.linspace(0.0, size[0], n1 + 1), repeated_size[1], n2)
+    # number of the tile of each element, row by row; the rows of tile numbers are repeated like the columns
     tile = np.tile(np.arange(n1 * cells[1]).reshape(cells), (1, repetitions)).ravel()
     axes = _axes(lay[tile])
     seal = ElementSeal(strip.mesh, *strip.ends, repeated_size, strip.outlines, axes, strip)

@@ -100,7 +100,7 @@ def is_known(module: str) -> bool:
 
 
 def _origin(module: str) -> str | None:
-    """Return the version of the installed package of a module, and None if the module is not installed.
+    """Return the version of the package that installed a module; None if the module was not installed.
 
     For modules of Python and femseal it is "", because their versions are part of every key of a store anyway.
     """
@@ -165,18 +165,18 @@ def _describe_object(value: Any) -> Any:
 def _describe_c_function(function: Any) -> Any:
     """Describe a function written in C by its name together with its class, or with its module if that is known."""
     name = getattr(function, "__name__", None)
-    owner = getattr(function, "__self__", None)
-    if isinstance(owner, type):  # a class method, such as dict.fromkeys
-        return "method", owner, name
-    owner = getattr(function, "__objclass__", None)
-    if isinstance(function, _C_FUNCTIONS) and owner is not None:
-        return "method", owner, name
-    module = getattr(function, "__module__", None)
-    homes = [module] if module else _HOMES_OF_UFUNCS
-    for home in homes:
-        origin = _origin(home)
-        if origin is not None and getattr(sys.modules.get(home), str(name), None) is function:
-            return "function", home, name, origin
+    bound_to = getattr(function, "__self__", None)
+    if isinstance(bound_to, type):  # a class method, such as dict.fromkeys
+        return "method", bound_to, name
+    defined_in = getattr(function, "__objclass__", None)  # the class of a method, such as str.lower
+    if isinstance(function, _C_FUNCTIONS) and defined_in is not None:
+        return "method", defined_in, name
+    own_module = getattr(function, "__module__", None)
+    for module in [own_module] if own_module else _HOMES_OF_UFUNCS:
+        origin = _origin(module)
+        is_found = getattr(sys.modules.get(module), str(name), None) is function
+        if origin is not None and is_found:
+            return "function", module, name, origin
     raise NoDigest(f"{type(function).__qualname__} {name}")
 
 

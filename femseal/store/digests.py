@@ -39,12 +39,15 @@ def digest(value: Any) -> str:
     describe_code = CodeDescription()
 
     def append(data: bytes) -> int:
+        """Add bytes to the digest, and return the position at which they begin."""
         nonlocal size
+        start = size
         state.update(data)
         size += len(data)
-        return size
+        return start
 
     def substitute(part: Any) -> Any:
+        """Describe a value that is not plain data."""
         if isinstance(part, Path):
             return "file", _digest_of_file(part)
         return describe_code(part)

@@ -34,7 +34,7 @@ from .plain_data import packed, unpacked
 log = logging.getLogger("femseal.store")
 #: Suffix of the files with results.
 SUFFIX = ".results"
-#: Head of a record: size of the whole record [byte], key, checksum of key and data.
+#: Header of a record: size of the whole record [byte], key, checksum of key and data.
 _HEAD = Struct("<Q16s16s")
 
 Item = tuple[Any, ...]
@@ -109,52 +109,59 @@ class Store:
         return partial(_key, digest((numerical_versions(), stage.key or stage.function)))
 
     def over(self, mapper: Mapper) -> Mapper:
-        """Return a mapper that reads stored results, and computes and stores all other results by `mapper`.
+        """Return a mapper that reads stored results, and computes and stores all other results by `mapper`."""
+        return partial(self._map, mapper)
+
+    def _map(self, mapper: Mapper, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
+        """Yield the results of a stage in the order of its items.
 
         `mapper` only receives the items that must be computed, and may take many of them in advance. Therefore all
-        items pass through a queue, from which the stored and the computed results are yielded in the order of the
-        items.
+        items pass through the queue `pending`, from which the stored and the computed results are yielded in order.
         """
+        try:
+            key_of = self.keys(stage)
+        except NoDigest:
+            yield from mapper(stage, *iterables)
+            return
+        pending: deque[_Pending] = deque()
+        items = self._items_to_compute(zip(*iterables, strict=False), key_of, pending)
+        # the mapper takes one iterable for each argument of the stage
+        copies = tee(items, len(iterables))
+        arguments = [map(itemgetter(n), copy) for n, copy in enumerate(copies)]
+        for result in mapper(stage, *arguments):
+            # first the stored results of the items before the computed one
+            yield from self._stored_results(stage, pending)
+            computed = pending.popleft()
+            self._write(computed.key, result)
+            yield result
+        yield from self._stored_results(stage, pending)
 
-        def map_stage(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
-            """Yield the results of a stage in the order of its items."""
-            try:
-                key_of = self.keys(stage)
-            except NoDigest:
-                yield from mapper(stage, *iterables)
-                return
-            # all items that the mapper has asked for, in their order, whose results have not been yielded yet
-            pending: deque[_Pending] = deque()
-            submitted: set[bytes] = set()
+    def _items_to_compute(
+        self, items: Iterable[Item], key_of: Callable[[Item], bytes], pending: deque[_Pending]
+    ) -> Iterator[Item]:
+        """Yield the items whose results must be computed.
 
-            def items_to_compute() -> Iterator[Item]:
-                """Yield the items that must be computed; append these and all other items to `pending`."""
-                for item in zip(*iterables, strict=False):
-                    key = key_of(item)
-                    if key in self._records or key in submitted:
-                        # the result is stored, or will be stored before its turn comes
-                        pending.append(_Pending(key, item))
-                        continue
-                    pending.append(_Pending(key, None))
-                    if key:
-                        submitted.add(key)
-                    yield item
+        items : all items of the stage.
+        key_of : returns the key of an item.
+        pending : receives each item when it is taken, whether its result must be computed or not.
+        """
+        submitted: set[bytes] = set()  # keys of the results that are being computed
+        for item in items:
+            key = key_of(item)
+            if key in self._records or key in submitted:
+                # the result is stored, or will be stored before its turn comes
+                pending.append(_Pending(key, item))
+                continue
+            pending.append(_Pending(key, None))
+            if key:
+                submitted.add(key)
+            yield item
 
-            # the mapper takes one iterable for each argument of the stage
-            copies = tee(items_to_compute(), len(iterables))
-            arguments = [map(itemgetter(n), items) for n, items in enumerate(copies)]
-            for result in mapper(stage, *arguments):
-                # stored results of the items before the computed one
-                while pending[0].item is not None:
-                    stored = pending.popleft()
-                    yield self._read(stored.key, stage, stored.item or ())
-                self._write(pending.popleft().key, result)
-                yield result
-            while pending:
-                stored = pending.popleft()
-                yield self._read(stored.key, stage, stored.item or ())
-
-        return map_stage
+    def _stored_results(self, stage: Stage, pending: deque[_Pending]) -> Iterator[Any]:
+        """Take the items with stored results from the front of the queue, and yield their results."""
+        while pending and pending[0].item is not None:
+            stored = pending.popleft()
+            yield self._read(stored.key, stage, stored.item or ())
 
     def _index(self, path: Path) -> None:
         """Index the records that were added to a file since it was last indexed. The last record may be incomplete."""
@@ -191,13 +198,13 @@ class Store:
         file = self._opened(record.path)
         file.seek(record.start)
         content = memoryview(file.read(record.size))
-        head, data = content[: _HEAD.size], content[_HEAD.size :]
-        if head != _head(key, data):
+        header, data = content[: _HEAD.size], content[_HEAD.size :]
+        if header != _head(key, data):
             raise ValueError("checksum")
         return unpacked(data)
 
     def _write(self, key: bytes, result: Any) -> None:
-        """Write a result, unless it has no key or is not plain data.
+        """Write a result, provided that it has a key and is plain data.
 
         Raises
         ------
@@ -238,7 +245,7 @@ class Store:
         return _Record(self._path, start, file.tell() - start)
 
     def _not_kept(self, error: OSError) -> NotKept:
-        """Make the error for a result that could not be written, which says how to continue."""
+        """Make the error for a result that could not be written; its message says how to continue."""
         is_full = error.errno in (errno.ENOSPC, errno.EDQUOT)
         remedy = "make room" if is_full else "fix the cause"
         return NotKept(
@@ -255,7 +262,7 @@ def _key(stage_digest: str, item: Item) -> bytes:
 
 
 def _head(key: bytes, data: bytes | memoryview) -> bytes:
-    """Make the head of a record: its size, its key, and a checksum of key and data."""
+    """Make the header of a record: its size, its key, and a checksum of key and data."""
     checksum = hashlib.blake2b(key, digest_size=16)
     checksum.update(data)
     return _HEAD.pack(_HEAD.size + len(data), key, checksum.digest())

@@ -101,8 +101,8 @@ def _shortest_followed_wave(flat: Topography, axis: int, radius: float) -> float
     radius : radius of the tip [m].
     """
     q, density = flat.psd(axis)
-    # Mean square curvature of all waves up to each wave number, (waves,). The tip follows waves whose curvature, √2
-    # times the rms curvature, is at most 1/radius.
+    # Mean square curvature ∫q⁴C dq/π of all waves from 0 to q, for each wave number q, (waves,). The tip follows waves
+    # whose curvature, √2 times the rms curvature, is at most 1/radius.
     square_curvature = np.cumsum(q**4 * density) * np.diff(q, prepend=0.0) / pi
     not_followed = np.flatnonzero(2 * square_curvature > radius**-2)
     if not not_followed.size:
@@ -472,10 +472,11 @@ def default_wave(flat: Surface, shape: Shape, instrument: Instrument) -> float:
     Noise in the spectrum can raise this wavelength to at most 8 measured pixels. Without knowledge of the instrument, a
     longer wavelength would be a guess.
     """
-    measured = instrument.spectrum(flat).shortest_wave
-    carried_by_map = resolved_wave(flat.size, flat.shape)
-    carried_by_grid = resolved_wave(flat.size, shape)
-    return max(carried_by_grid, min(measured, carried_by_map), instrument.shortest_wave(flat))
+    eight_pixels_of_grid = resolved_wave(flat.size, shape)
+    eight_pixels_of_map = resolved_wave(flat.size, flat.shape)
+    above_noise = min(instrument.spectrum(flat).shortest_wave, eight_pixels_of_map)
+    resolved_by_instrument = instrument.shortest_wave(flat)
+    return max(eight_pixels_of_grid, above_noise, resolved_by_instrument)
 
 
 def resolved_wave(size: Pair, shape: Shape) -> float:

@@ -110,7 +110,7 @@ def refuse_profile(table: NDArray) -> None:
     """Raise InputError if a table is a profile: heights along a line, with or without their positions."""
     lines, columns = table.shape
     if min(lines, columns) > 2 or max(lines, columns) < _SHORTEST_PROFILE:
-        return
+        return  # more than x and z, or too few points
     is_upright = lines >= columns
     profile = table if is_upright else table.T  # (points, 1 or 2)
     if profile.shape[1] == 2:
@@ -189,6 +189,7 @@ def _read_grid(table: NDArray, columns: Columns) -> MapOfTable | None:
     """
     if len(table) < _FEWEST_OF_GRID:
         return None
+    # a few lines without coordinates are left out
     has_coordinates = np.isfinite(table[:, columns[:2]]).all(axis=1)
     if has_coordinates.mean() > _WELL_FILLED:
         table = table[has_coordinates]
@@ -197,9 +198,11 @@ def _read_grid(table: NDArray, columns: Columns) -> MapOfTable | None:
     if x_lattice is None or y_lattice is None:
         return None
     n1, n2 = x_lattice.points, y_lattice.points
-    # of each line of the table in the grid, row by row
+    # index in the grid, row by row, of the point in each line of the table
     flat_index = x_lattice.index * n2 + y_lattice.index
     filled_points = np.unique(flat_index).size
+    # A table with further columns may also be a matrix of heights. It counts as coordinates only if no point occurs
+    # twice and the points fill a large part of the grid.
     has_only_coordinates = _has_only_coordinates(table, columns)
     if filled_points < len(table) and not has_only_coordinates:
         return None

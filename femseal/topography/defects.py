@@ -154,11 +154,11 @@ ALL_NEIGHBOURS = np.ones((3, 3))
 def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
     """Find the spikes of a map.
 
-    A spike is a group of at most four points with |z − m| > `threshold` · s. The group must stand alone: no point next
-    to it deviates in the same direction by more than half of the deviation of the tip of the group. Ridges, edges and
-    corners of real asperities continue in a neighbouring point, and so do all summits that the instrument resolves;
-    therefore they are not spikes. In this test, s is at least as large as its median over the map and as the step of
-    quantised heights. On steep parts of the surface, s is larger.
+    A spike is a group of at most four points with |z − m| > `threshold` · s. The group must be isolated: no
+    neighbouring point deviates in the same direction by more than half of the largest deviation within the group.
+    Ridges, edges and corners of real asperities continue in a neighbouring point, and so do all summits that the
+    instrument resolves; therefore they are not spikes. In this test, s is at least as large as its median over the map
+    and as the step of quantised heights. On steep parts of the surface, s is larger.
 
     Parameters
     ----------
@@ -269,13 +269,17 @@ def _height_step(heights: NDArray) -> float:
     """Return the step between the heights of quantised data [m]; without steps, the size of rounding errors."""
     ordered = heights[~np.isnan(heights)]
     ordered.sort()
-    # A height that at least m points share is equal to the height m − 1 positions later in this order. If more than m
-    # points share it, this holds for several positions in succession, of which only the first is kept.
-    m = ceil(max(_COMMON * ordered.size, 25))
-    is_shared = ordered[: max(ordered.size - m + 1, 0)] == ordered[m - 1 :]
-    is_first = is_shared.copy()
-    is_first[1:] &= ~is_shared[:-1]
-    steps = np.diff(ordered[: is_first.size][is_first])
+    # a height is a level of the quantisation if at least this number of points have it
+    points_of_window = (2 * _REACH + 1) ** 2
+    fewest = ceil(max(_COMMON * ordered.size, points_of_window))
+    # Equal heights are neighbours in the sorted array. A position begins `fewest` equal heights if the height at the
+    # last of these positions is the same.
+    begins_level = ordered[: max(ordered.size - fewest + 1, 0)] == ordered[fewest - 1 :]
+    # if more points have the same height, several positions in succession begin the level; only the first one counts
+    is_first = begins_level.copy()
+    is_first[1:] &= ~begins_level[:-1]
+    levels = ordered[: is_first.size][is_first]
+    steps = np.diff(levels)
     smallest_step = float(steps.min()) if steps.size else 0.0
     rounding = 1e-9 * max(abs(float(ordered[0])), abs(float(ordered[-1])))
     return max(smallest_step, rounding)

@@ -1,13 +1,13 @@
 """Describe a measured surface: size, heights, slopes, texture, spectrum, and roughness parameters as on drawings.
 
-The roughness parameters of profiles and of the surface are those after Gaussian filters with the weighting function
-exp(−π(x/αλ)²)/αλ, α² = ln 2/π, which transmit half of a wave of the cut-off λ. The filter λs removes shorter waves, the
-filter λc longer ones. Beyond its borders the map continues as its mirror image.
+The roughness parameters of profiles and of the surface are computed after Gaussian filtering. The weighting function is
+exp(−π(x/αλ)²)/αλ with α² = ln 2/π, so that a wave of the cut-off λ keeps half of its amplitude. The filter λs removes
+shorter waves, the filter λc longer ones. Beyond its borders the map continues as its mirror image.
 
-The core of the material ratio curve is a straight line. It is fitted by least squares to the part of the curve, 40 % of
-the area wide, over which the height falls least, and is then extended from 0 to 100 %. The peaks above this line and
-the valleys below it are replaced by triangles of equal area. Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std,
-Sk, Spk, Svk, Smr, Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk), ISO 21920-3 (cut-offs), ISO 16610-21 and 16610-61 (filters).
+The core of the material ratio curve is a straight line. It is fitted by least squares to the flattest part of the curve
+that covers 40 % of the area, and is then extended from 0 to 100 %. The peaks above this line and the valleys below it
+are replaced by triangles of equal area. Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std, Sk, Spk, Svk, Smr,
+Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk), ISO 21920-3 (cut-offs), ISO 16610-21 and 16610-61 (filters).
 """
 
 from dataclasses import dataclass
@@ -309,7 +309,8 @@ def _gaussian_filter(
         return np.full(z.shape, nan)
     for axis in axes:
         n = z.shape[axis]
-        # standard deviation of the Gaussian weighting function, in pixels
+        # A Gaussian weighting function with the standard deviation σ transmits exp(−σ²q²/2) of the wave q. Here σ is in
+        # pixels, and the waves of the cosine transform have q = πk/n with k = 0 … n − 1.
         deviation = sqrt(log(2) / 2) / pi * cut_off / flat.spacing[axis]
         transmission = np.exp(-0.5 * (pi * deviation * np.arange(n) / n) ** 2)
         waves = scipy.fft.dct(z, axis=axis) * np.expand_dims(transmission, 1 - axis)

@@ -1,9 +1,9 @@
 """Generate surfaces from a few numbers: self-affine ones (lapped, ground, blasted), and surfaces turned on a lathe.
 
 Symbols: q wave vector with the angular wave number |q| [rad/m], C spectral density, H Hurst exponent. A wave with the
-numbers k = (k1, k2) on the periods L1, L2 has q = 2π(k1/L1, k2/L2).
-Sources: Persson et al., J. Phys.: Condens. Matter 17 (2005) R1 (self-affine spectrum with roll-off). The turned profile
-is the envelope of the passes of a round tool nose, whose cusps have the height pitch²/8r.
+numbers k = (k1, k2) on the periods L1, L2 has q = 2π(k1/L1, k2/L2). Sources: Persson et al., J. Phys.: Condens. Matter
+17 (2005) R1 (self-affine spectrum with roll-off). The turned profile is the envelope of the passes of a round tool
+nose. The cusps between the passes have the height pitch²/8r.
 """
 
 from typing import Any
@@ -241,7 +241,9 @@ def _cut_grooves(
     sine = np.cos(angle + 2 * np.pi * rng.random((2, passes, 1)))
     relative_errors = np.sqrt(0.5) * constant + sine_amplitude * sine
     shift, extra_depth = np.reshape(rms_errors, (2, 1, 1)) * relative_errors  # (pass, n2) each [m]
-    # The nearest pass is within pitch/2 + largest shift. A pass further away than `farthest` cannot be the lowest.
+    # At the distance s from a pass, its groove has the height s²/2r − extra depth. The nearest pass is within
+    # pitch/2 + largest shift. A pass further away than `farthest` is higher, even if it has the largest extra depth and
+    # the nearest pass the smallest.
     largest_shift = np.abs(shift).max()
     farthest = np.sqrt((pitch / 2 + largest_shift) ** 2 + 2 * radius * np.ptp(extra_depth))
     neighbours = int(np.ceil((farthest + largest_shift) / pitch))
@@ -266,7 +268,7 @@ def random_waves(
     shape : tuple of two int
         Number of points along x1 and x2.
     numbers : two arrays of int, (waves,)
-        Numbers k1 and k2 of periods along both sides, see `wave_numbers`.
+        Numbers of periods k1 along x1 and k2 along x2, see `wave_numbers`.
     amplitude : array, (waves,)
         Amplitude of each wave and of its conjugate [m].
     rng : numpy.random.Generator

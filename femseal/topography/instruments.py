@@ -131,8 +131,8 @@ def _read_channel(channel: Any, suffix: str) -> Raw:
         unclear = f"unit {channel.data_unit!r} of the channel {channel.name!r}"
     elif topography.unit is not None and lateral_unit is None:
         unclear = f"unit {topography.unit!r}"
-    elif topography.unit is not None and not _is_usual(topography.unit):
-        micrometres = 1e6 * (lateral_unit or 0)
+    elif lateral_unit is not None and not _is_usual(topography.unit):
+        micrometres = 1e6 * lateral_unit
         notes.append(f"the unit {topography.unit!r} of the file is read as {micrometres:g} µm")
     spacing = None
     if lateral_unit is not None and not placeholders:

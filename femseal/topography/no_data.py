@@ -178,14 +178,18 @@ def _is_far(heights: NDArray, value: float, sign: int, *, is_shared: bool) -> bo
     lowest = sign * value
     nearest = float(np.min(upwards, initial=np.inf, where=upwards > lowest))
     farthest = float(np.fmax.reduce(upwards, axis=None))
+    # the distance must be large compared with the range of all other numbers
     distance = nearest - lowest
-    least_distance = (_PART_OF_RANGE if is_shared else 1.0) * (farthest - nearest)
+    range_of_others = farthest - nearest
+    least_distance = (_PART_OF_RANGE if is_shared else 1.0) * range_of_others
     if not np.isfinite(distance) or not distance > least_distance:
         return False
+    # the other numbers must be heights of a surface, and not a few levels
     sample = upwards[:: max(1, len(heights) // _ROWS)]
     others = np.where(sample == lowest, np.nan, sample)
     different_heights = np.unique(others[~np.isnan(others)]).size
     if different_heights < (_DIFFERENT if is_shared else 2):
         return False
+    # the distance must be large compared with the rms height without the tilt
     roughness = others - fit_form(others, (1.0, 1.0), 1).heights
     return bool(distance > _DEVIATIONS * np.nanstd(roughness))

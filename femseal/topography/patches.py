@@ -76,11 +76,12 @@ class Patches(Plotted):
         lengths = [patch.shape[1] for patch in maps]
         shortest = min(lengths)
         has_equal_lengths = len(set(lengths)) == 1
+        # each length becomes a multiple of this number of points
         part = shortest if has_equal_lengths else max(1, shortest // _PARTS)
-        alike = tuple(
+        cropped = [
             _crop_middle(patch, (patch.shape[0], patch.shape[1] // part * part)) for patch in maps
-        )
-        object.__setattr__(self, "patches", alike)
+        ]
+        object.__setattr__(self, "patches", tuple(cropped))
 
     @property
     def widths(self) -> tuple[int, ...]:
@@ -126,7 +127,7 @@ class Patches(Plotted):
 
     @property
     def rms_height(self) -> float:
-        """Rms height of the patches, each about the mean of the patch [m]."""
+        """Rms height of all patches, relative to the mean height of each patch [m]."""
         return float(np.sqrt(self._mean([p.rms_height**2 for p in self.patches])))
 
     @property
@@ -191,10 +192,11 @@ class Patches(Plotted):
 
         The number of points along x2 is exact if it can be divided between the patches in proportion to their lengths.
         """
-        # each patch consists of parts of this many columns; a part gets the same number of new columns in all patches
+        # Each patch consists of a whole number of parts with this number of columns. All parts get the same number of
+        # new columns, so that all patches keep the same pixel size.
         part = reduce(gcd, self.widths)
-        points = max(1, round(shape[1] * part / self.shape[1]))
-        return self.apply_to_each(lambda p: p.resample((shape[0], p.shape[1] // part * points)))
+        new_part = max(1, round(shape[1] * part / self.shape[1]))
+        return self.apply_to_each(lambda p: p.resample((shape[0], p.shape[1] // part * new_part)))
 
     def with_form(self, profile: NDArray) -> Patches:
         """Add a profile along x1 (n1,) [m] to each patch."""

@@ -67,7 +67,7 @@ def profile_roughness(surface: Topography, spacing: float | None = None) -> Prof
             return ProfileRoughness(parameters.ra, parameters.rz, parameters.cut_off)
     cut_off = np.nan if spacing is None else long_wave_filter(spacing)
     heights = surface.heights
-    sections = 1
+    sections = 1  # of the length λc, over which Rz is averaged; the whole profile without a filter
     if cut_off <= surface.size[0]:
         heights = heights - _gaussian_filter(surface, heights, cut_off, (0,))
         sections = min(_SECTIONS, int(surface.size[0] / cut_off + 1e-9))

@@ -128,11 +128,12 @@ def _apply_column_units(header: Header, table: MapOfTable, *, is_unit_given: boo
         x_unit = y_unit = z_unit = None
     header.unit = header.unit or z_unit
     if header.pixel is not None:
-        return
+        return  # the header states the pixel size
     if x_unit and y_unit:
         header.pixel = table.steps[0] * x_unit, table.steps[1] * y_unit
-    elif header.unit is None and not is_unit_given:
-        header.pixel = table.steps
+        return
+    if header.unit is None and not is_unit_given:
+        header.pixel = table.steps  # in metres
     steps = " and ".join(f"{step:.6g}" for step in table.steps)
     header.unread.insert(0, f"coordinates in steps of {steps}, without a unit")
 
@@ -174,11 +175,11 @@ class _RowReader:
 
     def __init__(self, layout: _Layout) -> None:
         self.layout = layout
-        #: How many numbers the first line contains; 0 before it is read.
+        #: Number of numbers in the first line; 0 before it is read.
         self.width = 0
         self._numbers = array("d")
         self._first_line = 0
-        self._ends_with_delimiter = layout.mark is not None
+        self._ends_with_delimiter = layout.delimiter is not None
         self._unequal_lines: InputError | None = None
 
     def read(self, line_number: int, text: str) -> None:
@@ -189,7 +190,7 @@ class _RowReader:
         try:
             row = [float(field) for field in fields]
         except ValueError:
-            originals = self.layout.split(text, as_shown=True)
+            originals = self.layout.split(text, keep_commas=True)
             row = [
                 _parse_value(line_number, field, original)
                 for field, original in zip(fields, originals, strict=True)
@@ -237,22 +238,23 @@ class _RowReader:
 class _Layout:
     """Describe how the numbers in a line are written.
 
-    mark : separator between numbers, None for blanks.
-    has_comma : whether the numbers have decimal commas.
+    delimiter : separator between numbers, None for blanks.
+    has_decimal_commas : whether the numbers have decimal commas.
     """
 
-    mark: str | None
-    has_comma: bool = False
+    delimiter: str | None
+    has_decimal_commas: bool = False
 
-    def split(self, text: str, *, as_shown: bool = False) -> list[str]:
-        """Split a line into its fields. Decimal commas are replaced by points, unless `as_shown` is True."""
-        if self.mark is None:
+    def split(self, text: str, *, keep_commas: bool = False) -> list[str]:
+        """Split a line into its fields. Decimal commas are replaced by points, unless `keep_commas` is True."""
+        if self.delimiter is None:
+            # "no data" is one field in spite of its blank
             fields = _NO_DATA.sub("nan", text).replace('"', " ").split()
         elif '"' in text:
-            fields = next(csv.reader([text], delimiter=self.mark, skipinitialspace=True))
+            fields = next(csv.reader([text], delimiter=self.delimiter, skipinitialspace=True))
         else:
-            fields = text.split(self.mark)
-        if self.has_comma and not as_shown:
+            fields = text.split(self.delimiter)
+        if self.has_decimal_commas and not keep_commas:
             return [field.replace(",", ".") for field in fields]
         return fields
 
@@ -267,12 +269,13 @@ def _find_layout(lines: list[str], delimiter: str | None) -> _Layout:
     if not texts:
         expected = "a matrix of heights, one line per row, or a table x y z"
         raise InputError("file", "no line with numbers", expected)
-    mark = _find_delimiter(texts[0]) if delimiter is None else delimiter
-    layout = _Layout(mark)
+    if delimiter is None:
+        delimiter = _find_delimiter(texts[0])
+    layout = _Layout(delimiter)
     fields = [field for text in texts for field in layout.split(text)]
     has_commas = any(_DECIMAL_COMMA.fullmatch(field.strip()) for field in fields)
     has_points = any("." in field for field in fields)
-    return _Layout(mark, has_comma=has_commas and not has_points)
+    return _Layout(delimiter, has_decimal_commas=has_commas and not has_points)
 
 
 def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
@@ -284,19 +287,23 @@ def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
     error message can quote this line.
     """
     contents = [_content(line, delimiter) for line in lines]
-    candidates = [n for n, content in enumerate(contents) if content is not None]
-    for k, n in enumerate(candidates):
-        count = contents[n]
-        contents_from_here = [contents[m] for m in candidates[k : k + _ALIKE]]
-        if isinstance(count, int) and contents_from_here == [count] * _ALIKE:
-            previous = candidates[k - 1] if k else n
-            return previous if _is_faulty_row(lines[previous], delimiter, count) else n
-    numeric = [n for n in candidates if isinstance(contents[n], int)]
-    if numeric:
-        return numeric[0]
-    for n in candidates:
-        if re.match(r"[-+.]?\d", lines[n].strip().strip('"')):
-            return n
+    # indices of the lines that are neither empty nor comments
+    candidates = [index for index, content in enumerate(contents) if content is not None]
+    for position, index in enumerate(candidates):
+        count = contents[index]
+        next_lines = candidates[position : position + _ALIKE]
+        if not isinstance(count, int) or [contents[n] for n in next_lines] != [count] * _ALIKE:
+            continue
+        if position == 0:
+            return index
+        previous = candidates[position - 1]
+        return previous if _is_faulty_row(lines[previous], delimiter, count) else index
+    for index in candidates:
+        if isinstance(contents[index], int):
+            return index
+    for index in candidates:
+        if re.match(r"[-+.]?\d", lines[index].strip().strip('"')):
+            return index
     return len(lines)
 
 
@@ -305,8 +312,9 @@ def _content(line: str, delimiter: str | None) -> int | str | None:
     text = line.strip(" \r\n")
     if not text.strip() or _is_comment(text):
         return None
-    mark = _find_delimiter(text) if delimiter is None else delimiter
-    fields = _Layout(mark).split(text)
+    if delimiter is None:
+        delimiter = _find_delimiter(text)
+    fields = _Layout(delimiter).split(text)
     if all(_is_number(field) for field in fields) and any(field.strip() for field in fields):
         return len(fields)
     return "text"
@@ -320,9 +328,11 @@ def _is_faulty_row(line: str, delimiter: str | None, count: int) -> bool:
     count : number of numbers in each line below.
     """
     text = line.strip(" \r\n")
-    mark = _find_delimiter(text) if delimiter is None else delimiter
-    fields = _Layout(mark).split(text)
+    if delimiter is None:
+        delimiter = _find_delimiter(text)
+    fields = _Layout(delimiter).split(text)
     numbers = [float(field) for field in fields if NUMBER.fullmatch(field.strip())]
+    # a row with missing numbers has at least half of its fields, and not fewer than the lines that begin a table
     fewest_fields = max(count / 2, min(count, _ALIKE))
     if len(numbers) < 2 or not fewest_fields <= len(fields) <= count:
         return False

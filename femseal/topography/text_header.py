@@ -38,6 +38,7 @@ NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _LENGTH = re.compile(rf"({NUMBER.pattern})\s*(.*)")
 _NAME_AND_VALUE = re.compile(r"(.+?)\s*[:=]\s*(.+)")
 _NAME_AND_NUMBER = re.compile(rf"(.+?)\s+({NUMBER.pattern}.*)")
+#: The name of a column and its unit in brackets, such as "X [mm]" or "Z (µm)".
 _COLUMN = re.compile(r"([^\[\](),;\t]*?)\s*[\[(]([^\])]*)[\])]")
 _MENTIONS_LENGTH = re.compile(
     r"(?<![^\W\d_])(?:[nµμu]m|mm|microns?|inch|cellsize|pixel)\b", re.IGNORECASE
@@ -241,11 +242,13 @@ def _read_zygo(header: Header, lines: Sequence[str]) -> None:
 def _read_columns(header: Header, line: str, columns: int) -> None:
     """Set the names and units of the columns, if the last line of the header contains a name for each column."""
     text = _without_marks(line).replace('"', "")
+    # if every name has a unit in brackets, the names may contain blanks and need no delimiter
     names_and_units = _COLUMN.findall(text)
     if len(names_and_units) == columns:
         header.columns = tuple(name.strip(" ,;\t").lower() for name, _ in names_and_units)
         header.column_units = tuple(length_unit(unit) for _, unit in names_and_units)
         return
+    # otherwise the names are separated by a delimiter or by blanks, and may have a unit
     delimiter = next((mark for mark in DELIMITERS if mark in text), None)
     names = [name.strip().lower() for name in text.split(delimiter)]
     if len(names) == columns:

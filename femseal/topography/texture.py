@@ -35,6 +35,9 @@ _LEAST_DECADES_BEHIND_PLATEAU = 0.5
 _LEAST_PLATEAU = 0.3
 #: Smallest number of bins of a power law next to a plateau.
 _LEAST_BINS = 4
+#: The end of the spectrum consists of the rings above this fraction of the Nyquist wave number. Noise is recognised if
+#: at least this number of rings have a density.
+_END, _FEWEST_RINGS = 0.75, 8
 #: The end of the spectrum is noise if log C over log q falls less steeply than this.
 _FLAT = -1.5
 #: A wave stands out of the noise if its density exceeds that of the noise by this factor.
@@ -129,7 +132,7 @@ def spectrum(topography: Surface) -> Spectrum:
     if not isinstance(topography, Topography):
         summaries = [spectrum(patch) for patch in topography.patches]
         return max(summaries, key=lambda summary: summary.shortest_wave)
-    # If a map is called periodic but has a step at its border, the step adds waves of all lengths. The map is then
+    # If a map was declared periodic but has a step at its border, the step adds waves of all lengths. The map is then
     # mirrored instead, which leaves no step.
     if topography.seamless != topography.periodic:
         topography = Topography(topography.heights, topography.spacing, topography.seamless)
@@ -143,7 +146,9 @@ def spectrum(topography: Surface) -> Spectrum:
     is_signal = density > max(_ABOVE_NOISE * floor, _ROUNDING * density.max())
     # a map of pure noise has no measured waves; its longest wave is taken
     last_signal = q[is_signal].max() if is_signal.any() else q[0]
-    shortest = 2 * pi / (last_signal if last_signal < q[-1] else nyquist)
+    if last_signal == q[-1]:
+        last_signal = nyquist  # all waves of the grid stand out of the noise
+    shortest = 2 * pi / last_signal
     # The ring at the end of the signal may contain only some of its waves, and waves longer than half the map were
     # changed when the form was subtracted.
     step = float(np.diff(q).max(initial=0.0))
@@ -166,9 +171,10 @@ def _noise_floor(q: NDArray, density: NDArray, nyquist: float) -> float:
     density : spectral density at the wave numbers (rings,) [m⁴].
     nyquist : largest wave number [rad/m].
     """
-    is_end = (q > 0.75 * nyquist) & (density > _ROUNDING * density.max())
-    if np.count_nonzero(is_end) < 8:
+    is_end = (q > _END * nyquist) & (density > _ROUNDING * density.max())
+    if np.count_nonzero(is_end) < _FEWEST_RINGS:
         return 0.0
+    # a power law is a straight line in log C over log q
     slope, _ = np.polyfit(np.log(q[is_end]), np.log(density[is_end]), 1)
     if slope < _FLAT:
         return 0.0
@@ -219,18 +225,22 @@ def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Top
         pi * (1 + wraps) / side
         for wraps, side in zip(topography.periodic, topography.size, strict=True)
     )
-    waves = prod(topography.size) * q * width / (2 * pi)
-    # number of the bin of each ring
-    number = np.floor(np.log10(q / q[0]) * _BINS_PER_DECADE + SLACK).astype(int)
-    count = np.bincount(number, waves)  # wave vectors in each bin
+    waves = prod(topography.size) * q * width / (2 * pi)  # number of wave vectors in each ring
+    # index of the bin to which each ring belongs
+    bin_of_ring = np.floor(np.log10(q / q[0]) * _BINS_PER_DECADE + SLACK).astype(int)
+    count = np.bincount(bin_of_ring, waves)  # number of wave vectors in each bin
     is_full = count > 0
     count = count[is_full]
-    x = np.bincount(number, waves * np.log10(q))[is_full] / count
-    flattened = np.bincount(number, waves * signal * q**_FLATTENING)[is_full] / count
+    # In each bin, x is the mean of log10 q. The product of C and q³ is nearly constant in the bin, so that its mean is
+    # also its value at x.
+    x = np.bincount(bin_of_ring, waves * np.log10(q))[is_full] / count
+    flattened = np.bincount(bin_of_ring, waves * signal * q**_FLATTENING)[is_full] / count
     y = np.log10(flattened) - _FLATTENING * x
-    noise = floor / 10**y
-    # due to the finite number of independent waves, count/2, and to the error of the noise level
+    noise = floor / 10**y  # ratio of the noise to the signal
+    # Variance of the signal, divided by its square. The first term is due to the finite number of independent waves,
+    # count/2, whose density is the sum of signal and noise. The second term is due to the error of the noise level.
     relative_variance = 2 / count * (1 + noise) ** 2 + (_NOISE_ERROR * noise) ** 2
+    # a small relative change of C changes log10 C by 1/ln 10 times this change
     return _Bins(x, y, relative_variance / log(10) ** 2)
 
 
@@ -268,6 +278,7 @@ def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
     The end of the plateau is chosen so that the weighted sum of squared deviations is smallest.
     """
     x, weight = bins.x, bins.weight
+    # values of log10 q that are tried for the end of the plateau
     bends = np.arange(
         x[0] + _LEAST_PLATEAU, x[-1] - _LEAST_DECADES_BEHIND_PLATEAU, 1 / _BENDS_PER_DECADE
     )
@@ -275,12 +286,13 @@ def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
     bends = bends[bins_behind >= _LEAST_BINS]
     if not bends.size:
         return None
-    # for each bend, the part of the sum of squares that the best fit y = level + slope · fall explains
-    fall = np.maximum(x - bends[:, None], 0.0)  # (bend, bin)
-    fall -= (fall @ weight / weight.sum())[:, None]
+    # The best fit y = level + slope · t with t = max(x − bend, 0) reduces the weighted sum of squares of y by
+    # (Σ w t y)²/Σ w t², if t and y are measured from their weighted means. The best bend has the largest reduction.
+    beyond_bend = np.maximum(x - bends[:, None], 0.0)  # t, (bend, bin)
+    beyond_bend -= (beyond_bend @ weight / weight.sum())[:, None]
     deviation = bins.y - bins.y @ weight / weight.sum()
-    explained = (fall @ (weight * deviation)) ** 2 / (fall**2 @ weight)  # (bend,)
-    return _fit_from(bins, float(bends[np.argmax(explained)]), has_plateau=True)
+    reduction = (beyond_bend @ (weight * deviation)) ** 2 / (beyond_bend**2 @ weight)  # (bend,)
+    return _fit_from(bins, float(bends[np.argmax(reduction)]), has_plateau=True)
 
 
 def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None:
@@ -290,27 +302,30 @@ def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None
     the slope includes the uncertainty of the bend. If the deviations from the fit are larger than the variances of the
     bins explain, the standard error is increased accordingly.
     """
-    fall = np.maximum(bins.x - bend, 0.0)
+    beyond_bend = np.maximum(bins.x - bend, 0.0)
     weight = bins.weight
-    design = np.array([np.ones(fall.size), fall])
+    # derivatives of the fit with respect to its unknowns, (unknown, bin); the normal equations give the unknowns
+    design = np.array([np.ones(beyond_bend.size), beyond_bend])
     level, slope = np.linalg.solve((design * weight) @ design.T, (design * weight) @ bins.y)
-    deviation = level + slope * fall - bins.y
-    hurst = -1 - slope / 2
+    deviation = level + slope * beyond_bend - bins.y
+    hurst = -1 - slope / 2  # because the slope of log C over log q is −2 − 2H
     if has_plateau:
-        # derivative of the fit with respect to the position of the bend
-        by_bend = np.where(fall > 0, -slope, 0.0)
+        # the position of the bend is a third unknown
+        by_bend = np.where(beyond_bend > 0, -slope, 0.0)
         design = np.vstack([design, by_bend])
-    freedom = fall.size - len(design)
+    freedom = beyond_bend.size - len(design)  # degrees of freedom
     unexplained = np.maximum(deviation**2 - bins.variance, 0.0)  # beyond the scatter of the waves
     is_valid = sqrt(np.mean(unexplained)) <= _SCATTER and 0 < hurst <= _LARGEST_HURST
     if freedom < 1 or not is_valid:
         return None
+    # ratio of the rms deviation to that expected from the variances; it increases the standard error if it exceeds 1
     excess = max(1.0, sqrt(weight @ deviation**2 / freedom))
-    slope_variance = np.linalg.inv((design * weight) @ design.T)[1, 1]
+    covariance = np.linalg.inv((design * weight) @ design.T)
+    slope_variance = covariance[1, 1]
     longest = 2 * pi / 10**bend
     return PowerLaw(
         hurst=float(hurst),
-        hurst_error=float(_ERROR / 2 * excess * sqrt(slope_variance)),
+        hurst_error=float(_ERROR / 2 * excess * sqrt(slope_variance)),  # dH = −d(slope)/2
         longest=longest,
         shortest=float(2 * pi / 10 ** bins.x[-1]),
         density=float(10**level),
@@ -352,11 +367,11 @@ class Texture:
 def texture(topography: Topography) -> Texture:
     """Evaluate the texture of a map without its form and without undefined points.
 
-    Sal is the shortest distance, over all directions, in which the autocorrelation falls to 0.2. Str is the ratio of
-    Sal to the longest of these distances. If the autocorrelation does not fall to 0.2 within the map, the size of the
-    map takes the place of the longest distance, and Str is an upper bound. Std is the direction, rounded to a degree,
-    in which the mean autocorrelation is largest; it is NaN if Str > 0.5. All values are NaN if the map is flat or a
-    single row.
+    Sal is the distance over which the autocorrelation falls to 0.2 in the direction in which it falls fastest. Str is
+    the ratio of Sal to the longest such distance in any direction. If the autocorrelation does not fall to 0.2 within
+    the map, the size of the map takes the place of the longest distance, and Str is an upper bound. Std is the
+    direction, rounded to a degree, in which the mean autocorrelation is largest; it is NaN if Str > 0.5. All values are
+    NaN if the map is flat or a single row.
     """
     if topography.rms_height == 0 or min(topography.shape) < 2:
         return Texture(nan, nan, False, nan)

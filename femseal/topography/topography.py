@@ -56,21 +56,22 @@ def wave_powers(z: NDArray, periodic: Periodic) -> NDArray:
     if not wrapped:
         return half**2 / z.size
     powers = np.empty(z.shape)
-    # `half` lacks the waves of negative numbers along one axis, which is the last axis of these views. They are the
-    # conjugates of the others and contribute equally much.
-    half_view = half.swapaxes(-1, wrapped[-1])
-    powers_view = powers.swapaxes(-1, wrapped[-1])
-    n = z.shape[wrapped[-1]]
+    # Along one axis, `half` contains only the waves k >= 0. This axis is the last one in the views below.
+    halved_axis = wrapped[-1]
+    half_view = half.swapaxes(-1, halved_axis)
+    powers_view = powers.swapaxes(-1, halved_axis)
+    n = z.shape[halved_axis]
     count = n // 2 + 1  # number of waves in `half` along this axis
     np.square(half_view.real, out=powers_view[:, :count])
     for row, waves in zip(powers_view, half_view, strict=True):
         row[:count] += waves.imag**2
     powers_view[:, :count] /= z.size
-    # wave −k is stored at n − k: the waves of positive numbers in reverse order, without the mean and the Nyquist wave
+    # The waves −k are the conjugates of the waves k and contribute equally much. Wave −k has the index n − k, so that
+    # the waves −k follow in the order of decreasing k, without k = 0 and, if n is even, without k = n/2.
     conjugates = powers_view[:, 1 : n - count + 1][:, ::-1]
     if len(wrapped) == 2:
-        # the conjugate of wave (k1, k2) is (−k1, −k2); row 0 is its own mirror image, and row k1 is exchanged with n1 −
-        # k1
+        # The conjugate of wave (k1, k2) is (−k1, −k2). Row 0 contains the waves with k1 = 0 and their conjugates. The
+        # conjugates of row k1 belong to row n1 − k1, so that the other rows are taken in reverse order.
         powers_view[0, count:] = conjugates[0]
         powers_view[1:, count:] = conjugates[:0:-1]
     else:
@@ -97,14 +98,18 @@ def half_multiplicity(shape: Shape, periodic: Periodic) -> tuple[NDArray, NDArra
     """
     _, wrapped = _mirrored_and_periodic_axes(periodic)
     rows, columns = np.ones(shape[0]), np.ones(shape[1])
-    if wrapped:
-        n = shape[wrapped[-1]]
-        halved = np.full(n // 2 + 1, 2.0)
-        halved[0] = 1.0
-        if n % 2 == 0:
-            halved[-1] = 1.0  # the Nyquist wave is its own conjugate
-        rows, columns = (rows, halved) if wrapped[-1] == 1 else (halved, columns)
-    return rows, columns
+    if not wrapped:
+        return rows, columns
+    # along the axis with only the waves k >= 0, a coefficient represents wave k and its conjugate −k
+    halved_axis = wrapped[-1]
+    n = shape[halved_axis]
+    factors = np.full(n // 2 + 1, 2.0)
+    factors[0] = 1.0  # k = 0 is its own conjugate
+    if n % 2 == 0:
+        factors[-1] = 1.0  # the Nyquist wave is its own conjugate
+    if halved_axis == 0:
+        return factors, columns
+    return rows, factors
 
 
 def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
@@ -475,7 +480,7 @@ class Topography(Plotted):
             raise InputError("crop", f"{part} m", expected) from None
 
     def flip(self, axis: int) -> Topography:
-        """Reverse the map along an axis, as the upper of two faces must be before both are added."""
+        """Reverse the map along an axis. The upper of two faces must be reversed before both are added."""
         return self.with_heights(np.flip(self.heights, validate.axis_number(axis)))
 
     def __add__(self, other: Topography) -> Topography:

@@ -90,13 +90,16 @@ class Continuation:
             for n, is_periodic in zip(patch.shape, self.periodic, strict=True)
         )
         size = (n1 * patch.spacing[0], n2 * patch.spacing[1])
-        k1, k2 = wave_numbers(size, max(self.cut_off, 2 * max(patch.spacing)))
+        shortest = max(self.cut_off, 2 * max(patch.spacing))  # waves need at least 2 pixels
+        k1, k2 = wave_numbers(size, shortest)
         q = 2 * pi * np.hypot(k1 / size[0], k2 / size[1])
         q_middle = 2 * pi / sqrt(self.law.longest * self.law.shortest)
         density = self.law.at(q) * (q / q_middle) ** exponent_change
         density = np.where(q > 2 * pi / self.longest, density, 0.0)
         amplitude = np.sqrt(density / (size[0] * size[1]))
         z = random_waves((n1, n2), (k1, k2), amplitude, rng)
+        # Adding the mirror image makes the waves symmetric about the borders. It doubles their mean square on average,
+        # which the factor 1/√2 compensates.
         for axis in (0, 1):
             if not self.periodic[axis]:
                 z = (z + np.flip(z, axis)) / sqrt(2)
@@ -123,14 +126,15 @@ class Continuation:
         missing_square_slope = (2 * hardness / modulus) ** 2 - self.rms_slope**2
         if missing_square_slope <= 0:
             return self.longest
-        # The upper limit of ∫ q³ C(q)/2π dq at which the integral is the missing square slope, in closed form, with
-        # C(q) = C₀ (q/q₀)^(−2−2H).
+        # Wave number q at which the waves from q₀ to q have the missing square slope Δ = (1/2π) ∫ q³ C dq. With
+        # C = C₀ (q/q₀)^(−2−2H), the integral is Δ = C₀ q₀⁴/2π · ((q/q₀)^e − 1)/e with e = 2 − 2H. Therefore ln(q/q₀) is
+        # ln(1 + e D)/e with D = 2πΔ/(C₀ q₀⁴), or D for e = 0.
         q0 = 2 * pi / self.longest
         exponent = 2 - 2 * self.law.hurst
-        scaled = missing_square_slope * 2 * pi / (q0**4 * self.law.at(q0))
-        if not -1 < exponent * scaled < inf:
-            return 0.0
-        log_ratio = log1p(exponent * scaled) / exponent if exponent else scaled
+        scaled_slope = missing_square_slope * 2 * pi / (q0**4 * self.law.at(q0))  # D
+        if not -1 < exponent * scaled_slope < inf:
+            return 0.0  # the slope of all shorter waves together is smaller
+        log_ratio = log1p(exponent * scaled_slope) / exponent if exponent else scaled_slope
         return self.longest * exp(-log_ratio)
 
     def __str__(self) -> str:

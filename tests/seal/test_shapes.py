@@ -219,7 +219,7 @@ RINGS = MESHES / "ring.msh"
         (AnnularLayout, (10.0, 120.0), CELL, "outer_radius: given a seal 240 m across, .* unit r"),
         (AnnularLayout, RADII, CellSize((1e-4, 1e-4), 4, length=1.0), "length: given 1 m, expec"),
         (AnnularLayout, RADII, CellSize((1e-4, 1e-4), 4, breadth=1.0), "breadth: given 1 m, exp"),
-        (AnnularLayout, RADII, CellSize((2e-3, 1e-4), 4), "outer_radius: given a ring 1 mm broad"),
+        (AnnularLayout, RADII, CellSize((2e-3, 1e-4), 4), "outer_radius: given a ring 1 mm wide"),
         (AnnularLayout, (1e-3, 1e-2), CELL, "inner_radius: given .*18% as wide as cells"),
         (MeshLayout, (RINGS, "kg", "inlet", "outlet"), CELL, "unit"),
         (MeshLayout, (RINGS, "um", "inlet", "outlet"), CELL, "path: given a seal 30 nm across wi"),
