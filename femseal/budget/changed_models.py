@@ -1,7 +1,8 @@
 """Estimate errors of the model and its input by solving the scene with another hardness, fluid pressure or form.
 
-An uncertain quantity, such as the hardness, may be too large or too small. The leakage does not change by the same
-factor in both directions. The opposite change is therefore solved as well if it matters for the 95 % interval.
+An uncertain quantity, such as the hardness, may be too large or too small. If it is increased and reduced by the same
+amount, the leakage does not change by the same factor. Therefore, the opposite change is solved as well if it matters
+for the 95 % interval.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _MATTERS = 0.25
 
 @dataclass(frozen=True, eq=False)
 class ModelChange:
-    """Describe a change of the model or its input, whose leakage shows how much this change matters.
+    """Describe a change of the model or its input. The changed leakage shows how much an error of this kind matters.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ class ModelChange:
     forms : tuple of forms
         Changed forms of the seal, see `Sampling`; empty for a seal without form.
     opposite : ModelChange, optional
-        Change by the same amount in the opposite direction. None if the true value cannot lie on that side.
+        Change by the same amount in the opposite direction. None if the model can only be wrong in one direction.
     """
 
     name: str
@@ -103,7 +104,7 @@ def model_changes(
     hardness: float = 0.1,
     form: FormTolerance | None = None,
 ) -> list[ModelChange]:
-    """List the changes of a scene that represent possible errors of its model and input.
+    """List the changes of a scene that correspond to possible errors of its model and input.
 
     Parameters
     ----------
@@ -145,21 +146,26 @@ def model_part(
     solution: CoarserSolution,
     opposite: CoarserSolution | None = None,
 ) -> ErrorPart:
-    """Estimate the error that a change of the model represents, from the leakage with this change.
+    """Estimate the error of an assumption of the model, from the leakage with a changed assumption.
+
+    The interval reaches from ln(leakage) to its changed value, and also to its value with the opposite change.
 
     Parameters
     ----------
     change : change of the model.
     steps : the load programme.
     leakage : array (steps,), m²/s.
-    solution : leakage of the changed scene, with that of the unchanged scene on the same points.
+    solution : leakage of the changed scene, to be compared with the unchanged scene on the same grid.
     opposite : leakage with the opposite change. Without it, ln(leakage) is assumed to change by the same amount in the
         opposite direction.
     """
     note = change.note
-    effect = _fill_unknown(steps, leakage, solution.change(leakage))
+    effect = _fill_unknown(steps, leakage, solution.change(leakage))  # change of ln(leakage)
     solutions = [solution]
-    if change.opposite is not None:
+    if change.opposite is None:
+        above = np.maximum(effect, 0.0)
+        below = np.maximum(-effect, 0.0)
+    else:
         if opposite is None:
             opposite_effect = -effect
             note = f"{note}, the latter as the mirror image of the former"
@@ -167,16 +173,14 @@ def model_part(
             opposite_effect = _fill_unknown(steps, leakage, opposite.change(leakage))
             solutions.append(opposite)
         effects = np.array([effect, opposite_effect])  # (direction, step)
-        # if both changes have the same sign, the smaller one is also taken as the distance to the other end
+        # If both effects have the same sign, one end of the interval would be at the leakage itself. The distance to
+        # this end is then the smaller effect.
         smaller = np.abs(effects).min(axis=0)
         above = np.maximum(effects.max(axis=0), smaller)
         below = np.maximum(-effects.min(axis=0), smaller)
-    else:
-        above = np.maximum(effect, 0.0)
-        below = np.maximum(-effect, 0.0)
-    # a sealed step that a change opens may leak as much as the changed scene does; arrays (direction, step)
+    # If a change opens the seal at a sealed step, the upper end is the leakage with this change.
     opens = np.array([np.isposinf(changed.change(leakage)) for changed in solutions])
-    leakages = np.array([np.abs(changed.leakage) for changed in solutions])
+    leakages = np.array([np.abs(changed.leakage) for changed in solutions])  # (direction, step)
     leakage_if_open = np.where(opens, leakages, 0.0).max(axis=0)
     return part_of_changes(
         change.name,
@@ -191,9 +195,12 @@ def model_part(
 
 
 def opposite_matters(part: ErrorPart, others: ErrorBudget) -> bool:
-    """Return whether the opposite change should be solved, because this error is not small compared with all others.
+    """Return whether the opposite change should be solved, see `_MATTERS`.
 
-    others : the error budget without this error source.
+    It is not solved if the error of this change is small compared with all other errors.
+
+    part : error source, in which the opposite change is assumed but not solved.
+    others : error budget without this error source.
     """
     steps = counting_steps(others)
     alone = ErrorBudget(others.method, others.leakage, (part,))
@@ -203,12 +210,13 @@ def opposite_matters(part: ErrorPart, others: ErrorBudget) -> bool:
 
 
 def _fill_unknown(steps: LoadProgramme, leakage: Array, change: Array) -> Array:
-    """Replace unknown changes of ln(leakage) (steps,) by changes as large as those at the nearest steps.
+    """Replace unknown and infinite changes of ln(leakage) (steps,) by estimates from the nearest known changes.
 
-    A change stays −inf where the changed scene is sealed.
+    A change of −inf is not replaced, because it means that the changed scene is sealed.
     """
     slope = np.maximum(load_sensitivity(steps, leakage), LEAST_SLOPE)
     finite = np.isfinite(change)
-    nearby = scale_of_changes(steps, change, slope)
+    size_nearby = scale_of_changes(steps, change, slope)
+    # all estimates get the sign of the sum of the known changes
     sign = 1.0 if float(change[finite].sum()) >= 0 else -1.0
-    return np.where(finite | np.isneginf(change), change, sign * nearby)
+    return np.where(finite | np.isneginf(change), change, sign * size_nearby)

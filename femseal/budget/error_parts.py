@@ -1,12 +1,13 @@
-"""Combine the error sources of a leakage to one 95 % interval.
+"""Combine the error sources of a leakage into one 95 % interval.
 
-The module holds the contribution of each error source, the budget that combines them, and the comparison with a coarser
-solution of the same scene. This comparison shows how much the pixel size and the removed waves matter.
+The module contains the contribution of each error source, the budget that combines them, and the comparison with a
+coarser solution of the same scene. The comparison with a coarser solution shows how much the pixel size and the removed
+waves matter.
 
-The change of ln(leakage) between two grids is not a smooth function of the load. Its sign is random where contacts open
-and close. Near closing, a coarser grid shifts the load at which the seal closes, and the change is this shift times the
-slope of ln(leakage) over ln(load). The size of the change at one load is therefore estimated from this load, its
-neighbours, and the typical shift over the whole cycle.
+The change of ln(leakage) between two grids is not a smooth function of the load. Where contacts open and close, its
+sign is random. Near closing, a coarser grid shifts the load at which the seal closes, and the change is this shift
+times the slope of ln(leakage) over ln(load). Therefore, the size of the change at a load is estimated from the changes
+at this load and its neighbours, and from the typical shift of the load over the whole cycle.
 
 Source: Celik, Ghia, Roache, Freitas, Coleman & Raad, J. Fluids Eng. 130, 2008, 078001.
 """
@@ -53,14 +54,14 @@ ORDER = 2.0
 #: 1e-3 of the first one: with a ratio of 0.28 the interval contains the true leakage in 95 % of the cases, with 0.31 in
 #: 96.5 %, and with 0.43 in 98 % (97 % on other surfaces).
 PER_CHANGE = 0.43
-#: Factor on the half-width if only a few loads were solved on both grids, by the number of these loads. Measured as
-#: above.
+#: Factor by which the half-width is multiplied if only a few loads were solved on both grids; the keys are the numbers
+#: of these loads. Measured as above.
 FEW_LOADS = {0: 3.0, 1: 3.0, 2: 1.45, 3: 1.15}
 #: Smallest shift of ln(load) that is assumed for any surface, and smallest slope |d ln(leakage)/d ln(load)| by which it
 #: is multiplied. Measured as above: with a third of the shift and a fifth of the slope, intervals of equal width
 #: contain the true leakage in 94.5 % of the cases instead of 97 %.
 _LEAST_SHIFT, _LEAST_SLOPE = 0.012, 1.5
-#: In nine of ten contact states, the slope is at most this many times that of `expected_sensitivity`.
+#: In nine of ten contact states, the slope is at most this multiple of `expected_sensitivity`.
 STEEPEST = 2.0
 #: Pixels in the shortest wave of the surfaces on which these constants were measured.
 USUAL_PIXELS = 8.0
@@ -99,7 +100,7 @@ class ErrorPart:
         name : str
             See the class.
         leakage : array (steps,), m²/s
-            Leakage. At steps at which it is 0, both ends of the interval are 0.
+            Leakage. At steps at which the leakage is 0, both ends of the interval are 0.
         below, above : array (steps,)
             Distance of ln(leakage) to the lower and to the upper end. If `below` is inf, the seal may be sealed.
         note : str
@@ -112,7 +113,7 @@ class ErrorPart:
         return cls(name, lower, upper, note)
 
     def widened(self, leakage: Array, factor: Array) -> ErrorPart:
-        """Multiply the distances of ln(leakage) to both ends by a factor (steps,); sealed steps remain as they are."""
+        """Multiply the distances from ln(leakage) to both ends by a factor (steps,), except at sealed steps."""
         q = np.asarray(leakage, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             lower, upper = (
@@ -162,16 +163,16 @@ class ErrorBudget:
     def lower(self) -> Array:
         """Lower end of the 95 % interval (steps,) [m²/s].
 
-        It is 0 where the seal may be sealed, and NaN where an error source is unknown. The distances of ln(leakage) to
-        the ends of all error sources are combined as the square root of the sum of their squares.
+        It is 0 where the seal may be sealed, and NaN where an error source is unknown. Its distance from ln(leakage) is
+        √Σd², where d is the distance that each error source would cause alone.
         """
         return self._ends[0]
 
     @property
     def upper(self) -> Array:
-        """Upper end of the 95 % interval (steps,) [m²/s].
+        """Upper end of the 95 % interval (steps,) [m²/s], combined from all error sources like the lower end.
 
-        At a sealed step it is the largest upper end of all error sources.
+        At a sealed step, which has no ln(leakage), it is the largest upper end of all error sources.
         """
         return self._ends[1]
 
@@ -183,13 +184,15 @@ class ErrorBudget:
         with np.errstate(invalid="ignore", over="ignore"):
             low = np.where(q == 0, 0.0, q * np.exp(-self._distance("lower")))
             high = np.where(q == 0, highest, q * np.exp(self._distance("upper")))
-        return (low, high) if self.steps is None else within_others(self.steps, q, low, high)
+        if self.steps is None:
+            return low, high
+        return within_others(self.steps, q, low, high)
 
     def half_width(self, step: int | None = None) -> Array | float:
-        """Return the distance of ln(leakage) to that end of its interval which is further away.
+        """Return the larger of the two distances from ln(leakage) to the ends of its interval.
 
-        The result is an array (steps,), or a number if a step is given. It is inf if only the lower end is 0, or if
-        only the upper end is above 0.
+        The result is an array (steps,), or a number if a step is given. It is inf at a leaking step that may be sealed
+        (lower end 0), and at a sealed step that may leak (upper end above 0).
         """
         widths = _width(np.abs(self.leakage), self.lower, self.upper)
         return widths if step is None else float(widths[step])
@@ -202,7 +205,8 @@ class ErrorBudget:
     def limiting(self, step: int | None = None) -> str:
         """Return the name of the error source with the widest interval, or "" if the budget has none.
 
-        The intervals are compared at the given step, or at all steps that leak more than 1e-3 of the first one.
+        The intervals are compared at the given step. By default, they are compared at all steps whose leakage is more
+        than 1e-3 of the leakage at the first step.
         """
         widths = self.widths()
         if not widths:
@@ -217,7 +221,7 @@ class ErrorBudget:
         return max(widths, key=lambda name: _largest(widths[name][is_compared]))
 
     def _distance(self, end: str) -> Array:
-        """Combine the distances of ln(leakage) to an end of each interval: the square root of the sum of squares."""
+        """Compute √Σd², with the distance d from ln(leakage) to an end ("lower" or "upper") for each error source."""
         total = np.zeros(np.shape(self.leakage))
         for part in self.parts:
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -250,35 +254,43 @@ def within_others(
 
 
 def near_closing(leakage: Array, open_leakage: Array) -> Flags:
-    """Return at which steps the surface is near closing (steps,), because it leaks far less than a uniform gap.
+    """Return at which steps the surface is near closing (steps,).
 
-    open_leakage : leakage through a uniform gap of the same mean height (steps,) [m²/s]; NaN where it is unknown.
+    Near closing, the surface leaks far less than a uniform gap of the same mean height, see `_CLOSING_LEAKAGE`.
+
+    open_leakage : leakage of this uniform gap (steps,) [m²/s]; NaN where it is unknown.
     """
     with np.errstate(invalid="ignore"):
         return np.abs(leakage) < _CLOSING_LEAKAGE * np.abs(open_leakage)
 
 
 def _bounds_by_other_steps(steps: LoadProgramme, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Find the narrowest interval of each step that the intervals of all steps allow (steps,).
+    """Narrow the interval of each load step by means of the intervals of all other steps (steps,).
 
-    The lower end is the largest one of all steps that cannot leak more than this step. The upper end is the smallest
-    one of all steps that leak at least as much.
+    Some steps cannot leak more than the given step; its lower end is raised to the largest of their lower ends. Other
+    steps leak at least as much as the given step; its upper end is reduced to the smallest of their upper ends.
     """
-    low, high, pressure = lower.copy(), upper.copy(), steps.pressures
-    # loading, from the lowest load to the highest: the leakage falls
+    low = lower.copy()
+    high = upper.copy()
+    pressure = steps.pressures
     loading, *unloadings = steps.branches
+    # On loading, the steps are ordered from the lowest load to the highest, and the leakage falls. All earlier steps
+    # leak at least as much as a step, and all later steps do not leak more.
     high[loading] = np.fmin.accumulate(high[loading])
     low[loading] = np.fmax.accumulate(low[loading][::-1])[::-1]
-    for unloading in unloadings:  # from the highest load to the lowest: the leakage rises
+    for unloading in unloadings:
+        # On unloading, the steps are ordered from the highest load to the lowest, and the leakage rises. Two kinds of
+        # steps leak at least as much as a step: those with a lower load of the same unloading, and the step of the
+        # loading that has the same or the next lower load (number −1 if there is none).
         from_lowest = unloading[::-1]
-        # step of loading with the same load or the next lower one, −1 if there is none
         next_lower = np.searchsorted(pressure[loading], pressure[from_lowest], side="right") - 1
         high_on_loading = np.where(next_lower >= 0, high[loading[next_lower]], np.inf)
         high[from_lowest] = np.fmin.accumulate(np.fmin(high[from_lowest], high_on_loading))
+        # the peak and the steps with a higher load of the same unloading do not leak more than a step
         peak = steps.peak_indices[unloading[0]]
         from_peak = np.append(peak, unloading)
         low[unloading] = np.fmax.accumulate(low[from_peak])[1:]
-        # an unloaded step may leak at least as much as its peak may
+        # an unloaded step leaks at least as much as its peak, so that its upper end is not below that of the peak
         high[unloading] = np.where(
             np.isnan(high[unloading]), np.nan, np.fmax(high[unloading], high[peak])
         )
@@ -286,7 +298,7 @@ def _bounds_by_other_steps(steps: LoadProgramme, lower: Array, upper: Array) -> 
 
 
 def _width(leakage: Array, lower: Array, upper: Array) -> Array:
-    """Compute the larger distance of ln(leakage) to the ends of an interval; inf for a sealed step that may be open."""
+    """Compute the larger distance from ln(leakage) to an end of the interval; inf for a sealed step that may leak."""
     with np.errstate(divide="ignore", invalid="ignore"):
         width = np.maximum(np.log(leakage / lower), np.log(upper / leakage))
     sealed = np.where(np.isnan(upper), np.nan, np.where(upper > 0, np.inf, 0.0))
@@ -295,7 +307,7 @@ def _width(leakage: Array, lower: Array, upper: Array) -> Array:
 
 @dataclass(frozen=True)
 class WidestInterval:
-    """Hold the widest interval of a budget at the load steps that `counting_steps` returns.
+    """Hold the widest interval of a budget over the load steps that matter, see `counting_steps`.
 
     Parameters
     ----------
@@ -304,9 +316,9 @@ class WidestInterval:
     step : int
         Index of the step with the widest interval.
     limit : str
-        Name of the error source with the largest half-width at any of the steps.
+        Name of the error source whose largest half-width over these steps is larger than that of all other sources.
     parts : dict
-        Largest half-width of each error source at any of the steps, by the name of the error source.
+        Largest half-width over these steps for each error source, by the name of the error source.
     """
 
     half_width: float
@@ -318,10 +330,10 @@ class WidestInterval:
 def counting_steps(budget: ErrorBudget) -> np.ndarray:
     """Return the indices of the load steps that decide whether an interval is narrow enough.
 
-    These are the steps whose leakage is unknown, or more than 1e-3 of the leakage at the first step. If the seal does
-    not leak at the first step, these are all steps that leak or may leak. Other sealed steps are left out, because the
-    intervals of the steps before them show whether they may be open. Steps at which the fluid carries the whole load
-    are left out as well.
+    If the seal leaks at the first step, these are the steps whose leakage is unknown, or is more than 1e-3 of the
+    leakage at the first step. Sealed steps are left out, because the intervals of the steps before them already show
+    whether the seal may still be open. If the seal does not leak at the first step, all steps that leak or may leak are
+    returned. Steps at which the fluid carries the whole load are left out in any case.
     """
     q, upper = np.abs(budget.leakage), np.abs(budget.upper)
     least = np.nan_to_num(least_counted(q))
@@ -334,30 +346,34 @@ def counting_steps(budget: ErrorBudget) -> np.ndarray:
 
 
 def vague_steps(budget: ErrorBudget) -> Indices:
-    """Return the indices of the leaking steps whose interval is too wide to be given as numbers.
+    """Return the indices of the leaking steps whose interval is too wide to be shown as numbers.
 
-    The upper end is above the leakage by more than the factor `VAGUE`, or at the steps of `counting_steps` the lower
-    end is below the leakage by more than this factor.
+    An interval is too wide if its upper end is more than `VAGUE` times the leakage. At the steps of `counting_steps`,
+    it is also too wide if the leakage is more than `VAGUE` times the lower end.
     """
     q = np.abs(budget.leakage)
     counts = np.zeros(len(budget.leakage), bool)
     counts[counting_steps(budget)] = True
-    is_vague = (budget.upper > VAGUE * q) | (counts & (VAGUE * budget.lower < q))
-    return np.flatnonzero((q > 0) & is_vague)
+    upper_is_vague = budget.upper > VAGUE * q
+    lower_is_vague = counts & (VAGUE * budget.lower < q)
+    return np.flatnonzero((q > 0) & (upper_is_vague | lower_is_vague))
 
 
 def widest_interval(budget: ErrorBudget) -> WidestInterval:
     """Find the widest interval of a budget; its half-width is inf if the error of the pixel size is unknown."""
     steps = counting_steps(budget)
     widths = np.nan_to_num(np.asarray(budget.half_width())[steps], nan=inf, posinf=inf)
-    parts = {"pixels": inf} | {
-        name: _largest(width[steps]) for name, width in budget.widths().items()
-    }
+    largest_widths = {"pixels": inf}  # unless the budget contains the error of the pixel size
+    for name, width in budget.widths().items():
+        largest_widths[name] = _largest(width[steps])
+    half_width = _largest(widths)
+    if np.isinf(largest_widths["pixels"]):
+        half_width = inf
     return WidestInterval(
-        half_width=max(_largest(widths), inf if np.isinf(parts["pixels"]) else 0.0),
+        half_width=half_width,
         step=int(steps[np.argmax(widths)]) if steps.size else 0,
-        limit=max(parts, key=lambda name: parts[name]),
-        parts=parts,
+        limit=max(largest_widths, key=lambda name: largest_widths[name]),
+        parts=largest_widths,
     )
 
 
@@ -377,7 +393,7 @@ class CoarserSolution:
     leakage : array (steps,), m²/s
         Leakage at every step of the scene.
     reference : array (steps,), m²/s, optional
-        Leakage of the same study with which it is compared. Default: the leakage of the budget.
+        Leakage with which this solution is compared; by default the leakage of the error budget.
     rms_slope : float, optional
         Rms slope of the surface that was solved.
     """
@@ -388,11 +404,11 @@ class CoarserSolution:
     rms_slope: float | None = None
 
     def change(self, leakage: Array) -> Array:
-        """Compute ln of the ratio of the leakage of this solution to the leakage with which it is compared (steps,).
+        """Compute the change ln(Q/Q_r) (steps,), with the leakage Q of this solution and a leakage Q_r for comparison.
 
-        It is inf or −inf where one of the two solutions is sealed, 0 where both are, and NaN where one is unknown.
+        It is inf or −inf where only one of the two is sealed, 0 where both are sealed, and NaN where one is unknown.
 
-        leakage : leakage of the budget (steps,) [m²/s], the reference unless the solution has another one.
+        leakage : leakage of the error budget (steps,) [m²/s], which is Q_r unless `reference` is given.
         """
         compared_with = leakage if self.reference is None else self.reference
         reference = np.abs(np.asarray(compared_with, float))
@@ -405,9 +421,9 @@ class CoarserSolution:
 def expected_sensitivity(in_contact: Array) -> Array:
     """Estimate the slope |d ln(leakage) / d ln(load)| from the contact fraction alone (steps,).
 
-    Measured on 25 surfaces of five kinds at up to 16 loads each: the median slope is 0.6 for contact fractions below
-    2 %, 1.0 at 5 %, 2.0 at 17 %, 4.0 at 32 % and 4.9 at 45 %. In nine of ten states it is at most about twice the
-    median.
+    The estimate is 0.5 + 9 A, with the contact fraction A. On 25 surfaces of five kinds at up to 16 loads each, the
+    median of the slope was 0.6 for contact fractions below 2 %, 1.0 at 5 %, 2.0 at 17 %, 4.0 at 32 % and 4.9 at 45 %.
+    In nine of ten contact states, the slope was at most about twice this median.
     """
     return 0.5 + 9.0 * np.nan_to_num(np.asarray(in_contact, float))
 
@@ -415,9 +431,9 @@ def expected_sensitivity(in_contact: Array) -> Array:
 def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Array:
     """Estimate the slope |d ln(leakage) / d ln(load)| at every step (steps,).
 
-    It is the slope between neighbouring loads, but at least `expected_sensitivity`. At a load without neighbours it is
-    a slope that nine of ten contact states do not exceed. The interval is then not narrower than with neighbouring
-    loads.
+    It is the slope between neighbouring loads, but at least `expected_sensitivity`. For a load without neighbours, the
+    slope is only known to be at most `STEEPEST` times `expected_sensitivity` in nine of ten contact states. This upper
+    limit is used, so that the interval of such a load is not too narrow.
 
     in_contact : contact fraction (steps,), NaN where it is unknown.
     """
@@ -430,8 +446,10 @@ def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Arra
 def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array:
     """Estimate the typical size of the change of ln(leakage) between two grids at every step (steps,).
 
-    Two contributions are combined as the square root of the sum of their squares: the rms change at the nearest two or
-    more steps, and the change that corresponds to the mean shift of the load over the cycle.
+    The size is √(a² + b²). The first contribution, a, is the root mean square of the known changes at the two nearest
+    steps, the step itself included, or at more steps if they are equally near. The second contribution, b, is the
+    change that would result from a typical shift of the load. It is the slope at the step, multiplied by the mean shift
+    of ln(load) over the whole cycle.
 
     Parameters
     ----------
@@ -446,11 +464,13 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array
     if not finite.size:
         return np.zeros(len(steps))
     shift = mean_shift(change[finite], slope[finite])
-    adjacency = np.zeros((len(steps), len(steps)))
+    # Distance from each step to each step with a finite change, (step, finite step). It is counted in steps along the
+    # load cycle, which is a graph: the unloadings branch off from the loading.
+    is_neighbour = np.zeros((len(steps), len(steps)))
     for step, previous in neighbouring_steps(steps):
-        adjacency[step, previous] = 1
-    # number of steps along the cycle from each step to each step with a finite change (step, finite step)
-    distance = shortest_path(adjacency, directed=False, unweighted=True)[:, finite]
+        is_neighbour[step, previous] = 1
+    distance = shortest_path(is_neighbour, directed=False, unweighted=True)[:, finite]
+    # all steps that are at most as far away as the second nearest step
     second_smallest = np.sort(distance, axis=1)[:, :2].max(axis=1, keepdims=True)
     is_near = distance <= second_smallest
     rms = np.sqrt(is_near @ np.square(change[finite]) / is_near.sum(axis=1))
@@ -458,9 +478,10 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array
 
 
 def mean_shift(change: Array, slope: Array) -> float:
-    """Compute the mean shift of ln(load) that corresponds to changes of ln(leakage); 0 if there are no changes.
+    """Compute the mean shift of ln(load) that would cause changes of ln(leakage); 0 if there are no changes.
 
-    change : changes of ln(leakage) (n,). slope : slopes |d ln(leakage)/d ln(load)| (n,).
+    change : changes of ln(leakage) (n,).
+    slope : slope |d ln(leakage)/d ln(load)| at each of these changes (n,).
     """
     return float(np.mean(np.abs(change / slope))) if change.size else 0.0
 
@@ -474,15 +495,17 @@ def sealed_upper(
 ) -> Array:
     """Estimate the upper end of the interval at the sealed steps (steps,) [m²/s]; it is 0 at all other steps.
 
-    If the error can shift the load to that of the next open step, a sealed step may leak as much as the upper end of
-    the interval of this open step. It may also leak as much as the other solution does at the sealed step.
+    An error of ln(leakage) has the same effect as a shift of ln(load), see `_load_shift`. If this shift may open the
+    seal at a sealed step, the upper end is that of the nearest open step with a lower load. If another solution of the
+    same scene leaks at this step, the upper end is at least its leakage.
 
     Parameters
     ----------
     steps : the load programme.
     q : leakage (steps,), m²/s.
-    distance : distance of ln(leakage) to the upper end (steps,).
-    change : change of ln(leakage) to the other solution (steps,); None if there is none.
+    distance : distance from ln(leakage) to the upper end at leaking steps (steps,).
+    change : change of ln(leakage) in the other solution (steps,), inf where only the other solution leaks; None if
+        there is no other solution.
     coarse : the other solution; None if there is none.
     """
     upper = np.zeros(q.size)
@@ -495,17 +518,19 @@ def sealed_upper(
     pressure, loading, peaks = steps.pressures, steps.on_loading, steps.peak_indices
     for s in np.flatnonzero((q == 0) & ~np.isnan(change)):
         upper[s] = other_leakage[s]
-        # steps that leak at least as much under the same load: loading, and for an unloaded step its own branch
-        path = loading | (~loading[s] & (peaks == peaks[s]))
-        open_below = np.flatnonzero(path & is_open & (pressure <= pressure[s]))
-        # a higher load cannot open what is sealed for certain at the lowest sealed load
-        lowest_sealed = pressure[path & (q == 0)].min()
+        # steps that leak at least as much as s if their load is not higher: the loading and, for an unloaded step, all
+        # steps of the same unloading
+        leaks_no_less = loading | (~loading[s] & (peaks == peaks[s]))
+        open_below = np.flatnonzero(leaks_no_less & is_open & (pressure <= pressure[s]))
+        # The seal may be open at s if the shifted load is not above the lowest load at which the seal is sealed. At
+        # higher loads it is sealed for certain.
+        lowest_sealed = pressure[leaks_no_less & (q == 0)].min()
         opens_in_other = np.isposinf(change[s])
         may_open = opens_in_other or pressure[s] * np.exp(-shift) <= lowest_sealed
         if open_below.size and may_open:
-            # the highest of these loads, and of two steps with the same load the one that leaks less
+            # the step with the highest load; of two steps with the same load, the step that leaks less
             nearest = max(open_below, key=lambda n: (pressure[n], -q[n]))
-            factor = np.exp(min(float(distance[nearest]), 50.0))
+            factor = np.exp(min(float(distance[nearest]), 50.0))  # limited to avoid an overflow
             upper[s] = max(upper[s], q[nearest] * factor)
         if opens_in_other and upper[s] == 0:
             upper[s] = other_leakage.max()
@@ -513,10 +538,16 @@ def sealed_upper(
 
 
 def _load_shift(distance: Array, slope: Array, is_open: Flags) -> float:
-    """Return the largest shift of ln(load) that corresponds to distances of ln(leakage) at open steps, arrays (steps,).
+    """Return the largest shift of ln(load) at open steps that would change ln(leakage) by the given distances.
 
-    slope : slope |d ln(leakage)/d ln(load)|, 0 where it is unknown. Steps with an unknown slope are only used if that
-        of all open steps is unknown.
+    At each step, the shift is the distance divided by the slope.
+
+    Parameters
+    ----------
+    distance : distance from ln(leakage) to the upper end (steps,).
+    slope : slope |d ln(leakage)/d ln(load)| (steps,), 0 where it is unknown. Steps with an unknown slope are ignored,
+        unless the slope is unknown at all open steps.
+    is_open : whether the seal leaks (steps,).
     """
     is_used = is_open
     if (slope[is_open] > 0).any():
@@ -543,8 +574,9 @@ def part_of_changes(
     Parameters
     ----------
     below, above : distances to the lower and the upper end, arrays (steps,).
-    change, coarse : change of ln(leakage) to another solution (steps,), and this solution, if the error was estimated
-        by comparing the two. The error is unknown where the change is NaN.
+    change : change of ln(leakage) in another solution (steps,), if the error was estimated by comparing two solutions.
+        The error is unknown where the change is NaN.
+    coarse : the other solution; None if the error was estimated without another solution.
     """
     q = np.abs(np.asarray(leakage, float))
     part = ErrorPart.from_distances(name, leakage, below, above, note)
@@ -567,21 +599,22 @@ def pixels_part(
 ) -> ErrorPart:
     """Estimate the error of the pixel size from a solution on a coarser grid.
 
-    The change of ln(leakage) between both grids is scaled to a halving of the number of points along each side. To its
-    square is added that of the change under a small shift of the load, because the change between two grids may be
-    small by chance. The half-width of the interval is a calibrated multiple, `PER_CHANGE`, of the root of the sum. It
-    is larger where few loads were solved, see `FEW_LOADS`.
+    The half-width of the interval is P √(c² + s²), with a calibrated factor P, `PER_CHANGE`. The first contribution, c,
+    is the typical change of ln(leakage) between two grids, see `scale_of_changes`. It is scaled to a grid with half the
+    points along each side. The second contribution, s, is the change of ln(leakage) under a small shift of the load. It
+    is included because the change between two grids may be small by chance. The half-width is larger if few loads were
+    solved, see `FEW_LOADS`.
 
-    If a step is open on one grid and sealed on the other, it may in truth be open or sealed. The lower end is then 0,
-    as it is for a step near closing whose error is large.
+    If the seal is open on one grid and sealed on the other, it is not known whether it is really open. The lower end is
+    then 0. It is also 0 near closing, if the error is large.
 
     Parameters
     ----------
     scene : input of the study.
     leakage : array (steps,), m²/s.
     coarse : solution on the coarser grid.
-    wave_pixels : number of pixels in the shortest wave. With more than `USUAL_PIXELS`, the smallest shift of the load
-        that is assumed is reduced in proportion.
+    wave_pixels : number of pixels in the shortest wave. If it is larger than `USUAL_PIXELS`, a smaller shift of the
+        load is assumed, in inverse proportion.
     closing : whether the surface is near closing at each step (steps,), see `near_closing`.
     in_contact : contact fraction (steps,).
     """
@@ -589,12 +622,15 @@ def pixels_part(
     coarsening = float(np.sqrt(np.prod(scene.surface.shape) / np.prod(coarse.points)))
     change = coarse.change(leakage)
     slope = np.maximum(sensitivity(steps, leakage, np.asarray(in_contact)), _LEAST_SLOPE)
-    # change to a grid with half the points along each side, extrapolated with the order of convergence
-    scaled = change * (2.0**ORDER - 1) / (coarsening**ORDER - 1)
+    # The error of a grid is proportional to (pixel size)**ORDER, so that the change to a grid with pixels r times as
+    # large is proportional to r**ORDER − 1. Scale it to r = 2.
+    change_to_half = change * (2.0**ORDER - 1) / (coarsening**ORDER - 1)
     least_shift = _LEAST_SHIFT * min(1.0, USUAL_PIXELS / wave_pixels)
-    change_scale = np.hypot(scale_of_changes(steps, scaled, slope), least_shift * slope)
+    typical_change = scale_of_changes(steps, change_to_half, slope)
+    least_change = least_shift * slope
     n_loads = int((np.isfinite(change) & steps.on_loading).sum())
-    half_width = PER_CHANGE * FEW_LOADS.get(n_loads, 1.0) * change_scale
+    factor = PER_CHANGE * FEW_LOADS.get(n_loads, 1.0)
+    half_width = factor * np.hypot(typical_change, least_change)
     may_close = closing & (half_width > _MAY_CLOSE)
     half_width_below = np.where(may_close | np.isneginf(change), np.inf, half_width)
     grid = " × ".join(map(str, coarse.points))

@@ -1,7 +1,7 @@
 """Estimate the error sources of the leakage of a study that make up its error budget.
 
-These are numerical errors, errors of a method that are known from a calibration set, and effects that the model
-neglects.
+There are three groups of error sources: numerical errors, errors of a method that are known from a calibration set, and
+effects that the model neglects.
 """
 
 from collections.abc import Sequence
@@ -36,13 +36,14 @@ from .resolution import filter_part, one_grid_part, raised_by_slope
 #: or 1 if this slope is smaller. Measured on 24 surfaces at residuals of 1e-2 to 1e-6: a factor of 0.04 covers 95 of
 #: 100 changes, 0.5 all of them.
 _RESIDUAL = 0.5
-#: Change of ln(leakage) that the residual of the flow solution causes, whose energy has a relative error of 1e-6.
+#: Change of ln(leakage) due to the residual of the flow solution; the relative error of its energy is 1e-6.
 _FLOW = 1e-6
 
-#: Smallest error of ln(leakage) for which a thin gap is listed as an error source. Its rms slope is 0.14.
+#: Smallest error of ln(leakage) for which "thin gap" is listed as an error source. It belongs to an rms slope of 0.14.
 _LEAST_SLOPE_ERROR = 0.02
 
-#: Degrees of freedom of the variance that the contact state suggests, when it is pooled with that of several patches.
+#: Degrees of freedom that are assumed for the variance expected from the contact state, when it is averaged with the
+#: measured variance between patches.
 _PATCH_FREEDOM = 2
 #: Half-width of the 95 % interval of a normal distribution, in standard deviations.
 _NORMAL = float(ndtri((1 + COVERAGE) / 2))
@@ -71,18 +72,21 @@ def solver_part(scene: Scene, leakage: Array, in_contact: Array) -> ErrorPart:
 
 
 def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
-    """Estimate how far the mean leakage of several measured patches may be from that of the whole surface.
+    """Estimate how far the mean leakage of several measured patches may be from the leakage of the whole surface.
 
-    The variance of ln(leakage) is estimated by the jackknife: each patch in turn is left out. This variance and the one
-    that the contact state suggests are averaged, weighted by their degrees of freedom. The interval is then that of
-    Student's distribution. If the seal is sealed when one of the patches is left out, the lower end is 0, and the upper
-    end follows from the jackknife of the leakage itself instead of its logarithm.
+    The variance of ln(leakage) is estimated in two ways. The first is the jackknife: each patch in turn is left out.
+    The second is the usual variance in this contact state, which is known from other surfaces. Both are averaged,
+    weighted by their degrees of freedom, and the interval is taken from Student's distribution.
+
+    If the seal would be sealed without one of the patches, the jackknife in ln(leakage) is not possible. Then the lower
+    end is 0, and the upper end is taken from a jackknife in the leakage itself.
 
     Parameters
     ----------
     leakage : array (steps,), m²/s.
-    without : leakage if one patch is left out, for each patch, array (patches, steps), m²/s.
-    usual : interval that the contact state suggests for the same number of patches, see `calibrated_part`.
+    without : leakage of all other patches without each patch, array (patches, steps), m²/s.
+    usual : error source with the usual interval in this contact state for the same number of patches, see
+        `calibrated_part`.
 
     Source: Efron & Tibshirani, An Introduction to the Bootstrap, 1993, chapter 11.
     """
@@ -92,38 +96,43 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     q = np.abs(leakage)
 
     def half_width(values: Array, usual_half_width: Array) -> Array:
+        """Combine the jackknife variance of the values (patches, steps) with the usual variance."""
+        # The jackknife variance of a mean is (n − 1)/n Σ(v − v̄)² = (n − 1) var(v), where each value v leaves out one
+        # of the n patches.
         jackknife_variance = (count - 1) * values.var(axis=0)
         usual_variance = (usual_half_width / _NORMAL) ** 2
-        weighted = _PATCH_FREEDOM * usual_variance + (count - 1) * jackknife_variance
-        return student * np.sqrt(weighted / freedom)
+        weighted_sum = _PATCH_FREEDOM * usual_variance + (count - 1) * jackknife_variance
+        return student * np.sqrt(weighted_sum / freedom)
 
     with np.errstate(divide="ignore", invalid="ignore"):
         usual_below = np.log(q / np.abs(usual.lower))
         usual_above = np.log(np.abs(usual.upper) / q)
         below = half_width(np.log(without), usual_below)
         above = half_width(np.log(without), usual_above)
-        above_if_sealed = np.log1p(half_width(without / without.mean(axis=0), usual_above))
-    sealed_without_one = (without == 0).any(axis=0) & np.isfinite(without).all(axis=0)
-    below = np.where(sealed_without_one, np.inf, below)
-    above = np.where(sealed_without_one, above_if_sealed, above)
+        # jackknife in the leakage itself, as a fraction of its mean
+        relative_above = half_width(without / without.mean(axis=0), usual_above)
+    is_sealed_without_one = (without == 0).any(axis=0) & np.isfinite(without).all(axis=0)
+    below = np.where(is_sealed_without_one, np.inf, below)
+    above = np.where(is_sealed_without_one, np.log1p(relative_above), above)
     note = (
         f"Student's interval by the jackknife over {count} measured patches, in ln(leakage), with the scatter that is "
         f"usual for their contact state; {patches_to_halve(count)} more would halve it"
     )
     part = ErrorPart.from_distances("patches", leakage, below, above, note)
-    # if the seal is sealed with all patches, its leakage without one of them shows how much it may leak
+    # if the seal with all patches is sealed, its leakage without one of the patches shows how much it may leak
     upper_if_sealed = np.maximum((1 + student) * np.max(without, axis=0), usual.upper)
     return replace(part, upper=np.where(leakage == 0, upper_if_sealed, part.upper))
 
 
 def patches_to_halve(count: int) -> int:
-    """Return how many further patches must be measured to halve the interval, if three or more are measured already.
+    """Return how many more patches must be measured to halve the interval, from a count of three or more patches.
 
     >>> patches_to_halve(3), patches_to_halve(4), patches_to_halve(8)
     (5, 8, 19)
     """
 
     def width(patches: int) -> float:
+        """Return the half-width of the interval, divided by the standard deviation between patches."""
         return float(stdtrit(_PATCH_FREEDOM + patches - 1, (1 + COVERAGE) / 2)) / sqrt(patches)
 
     more = 1
@@ -140,7 +149,7 @@ def realisations_part(study: StochasticResult) -> ErrorPart:
 
 
 def median_interval(values: Array) -> Pair:
-    """Compute the 95 % confidence interval of the median of a population from values (n,) that were drawn from it.
+    """Compute the 95 % confidence interval of the median of a population from a sample of values (n,).
 
     The ends are two of the sorted values (order statistics), which is valid for any distribution. For fewer than 6
     values there is no such interval, and a lognormal distribution is assumed.
@@ -152,28 +161,33 @@ def median_interval(values: Array) -> Pair:
     n = ordered.size
     if n < 2:
         return float("nan"), float("nan")
-    # number of values on each side that may be cut off: the ends are the last ones of these
-    cut_off = int(np.count_nonzero(bdtr(np.arange(n // 2), n, 0.5) <= (1 - COVERAGE) / 2))
-    if cut_off > 0:
-        low, high = ordered[cut_off - 1], ordered[n - cut_off]
+    # Each value lies below the true median with the probability 1/2. The k-th smallest value is above the median if at
+    # most k − 1 values lie below it, which has the probability bdtr(k − 1, n, 1/2). The rank is the largest k for which
+    # this is at most 2.5 %. The interval reaches from the k-th smallest to the k-th largest value.
+    rank = int(np.count_nonzero(bdtr(np.arange(n // 2), n, 0.5) <= (1 - COVERAGE) / 2))
+    if rank > 0:
+        low, high = ordered[rank - 1], ordered[n - rank]
     elif ordered[0] <= 0:
         low = min(0.0, ordered[0])
         high = max(0.0, ordered[-1])
     else:
         logs = np.log(ordered)
-        # the standard error of the median of a normal distribution is √(π/2) = 1.2533 times that of its mean
-        half = 1.2533 * stdtrit(n - 1, (1 + COVERAGE) / 2) * logs.std(ddof=1) / np.sqrt(n)
-        low, high = np.exp(np.median(logs) + half * np.array([-1, 1]))
+        # for a normal distribution, the standard error of the median is √(π/2) = 1.2533 times the one of the mean
+        half_width = 1.2533 * stdtrit(n - 1, (1 + COVERAGE) / 2) * logs.std(ddof=1) / np.sqrt(n)
+        low, high = np.exp(np.median(logs) + half_width * np.array([-1, 1]))
     return float(low), float(high)
 
 
 def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
-    """Estimate the error of solving cells under their effective pressure instead of coupling the whole surface.
+    """Estimate the error of solving cells under their effective pressure instead of coupling contact and flow.
 
-    Only seals with cells at random whose faces the fluid presses apart have this error; other studies get None. It is a
-    fraction of the effect of the fluid pressure on ln(leakage). Measured on seven surfaces that are four long waves
-    broad, with inlet pressures of 0.1 to 1 of the nominal pressure: the computed leakage was too large by at most half
-    of this effect, and too small by at most a fifth of it. The error is smaller for broader seals.
+    Only stochastic seals with cells at random have this error, and only if the fluid pressure acts on the surfaces. For
+    other studies, the result is None.
+
+    The error is taken as a fraction of the effect of the fluid pressure on ln(leakage). This fraction was measured on
+    seven surfaces with a breadth of four long waves, under inlet pressures of 0.1 to 1 times the nominal pressure. The
+    computed leakage was too large by at most one half of the effect, or too small by at most one fifth of it. For
+    broader seals, the error is smaller.
     """
     fluid = scene.acting_fluid
     if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_order:
@@ -182,20 +196,26 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     q, carried = study.quantile(0.5), abs(fluid.carried)
     loads = np.maximum(study.steps.pressures, max(carried, 1e-300))
     slope = sensitivity(study.steps, q, study.contact_fraction)
-    effect = slope * carried / loads
-    return part_of_changes("effective pressure", study.steps, q, 0.5 * effect, 0.2 * effect, note)
+    effect = (
+        slope * carried / loads
+    )  # change of ln(leakage) due to the share that the fluid carries
+    below, above = 0.5 * effect, 0.2 * effect
+    return part_of_changes("effective pressure", study.steps, q, below, above, note)
 
 
 def patch_form_part(
     effect: FormEffect, steps: LoadProgramme, leakage: Array, *, rises: bool = False
 ) -> ErrorPart | None:
-    """Estimate the error that results if the input does not say which part of a measured patch is form.
+    """Estimate the error of not knowing which part of a measured patch is form and which part is roughness.
 
-    The curvature of the patch may be form or roughness, and the seal may have more curvature than the patch. The error
-    is the change of ln(leakage) if the form is removed. It was tested by comparing quarters of eight maps with the
-    whole maps, at 140 loads. An interval of a factor of 2 contained the true leakage in 49 % of the cases. With the
-    change of ln(leakage) added on one side it contained it in 56 %, and with the change added on both sides in 61 %. On
-    unloading the change is at least as large as at the peak.
+    The curvature of the patch may be either of them, and the seal may have more curvature than the patch. The distance
+    to both ends of the interval is the change of ln(leakage) when the form is removed. On unloading, it is at least as
+    large as at the peak.
+
+    In a test, quarters of eight maps were compared with the whole maps at 140 loads. Intervals of a factor of 2 around
+    the leakage of the quarter contained the leakage of the whole map in 49 % of the cases. If the change of ln(leakage)
+    was added at one end of these intervals, they contained it in 56 % of the cases, and in 61 % if it was added at both
+    ends.
 
     rises : whether the seal is expected to have longer waves than the patch. If so, the effect of the longest waves of
         the patch is included.
@@ -230,9 +250,11 @@ def thin_gap_part(scene: Scene, leakage: Array) -> ErrorPart | None:
 def longer_waves_part(
     changes: Array, flatness: bool, steps: LoadProgramme, leakage: Array
 ) -> ErrorPart:
-    """Estimate the error that waves longer than the patch cause.
+    """Estimate the error of leaving out the waves that are longer than the patch.
 
-    It is Student's prediction interval for one more sample of random waves.
+    The waves of the real seal are regarded as one more sample of random waves. The interval is therefore Student's
+    prediction interval for one more sample, m ± t s √(1 + 1/n), with the mean m and the standard deviation s of n
+    samples.
 
     Parameters
     ----------
@@ -263,9 +285,9 @@ def longer_waves_part(
 def calibrated_part(
     name: str, kind: str, leakage: Array, state: PatchState, patches: int = 1
 ) -> ErrorPart:
-    """Estimate the error of computing a leakage from measured patches or by blocks, as known from the calibration set.
+    """Estimate the error of a leakage that was computed from measured patches or by blocks.
 
-    The estimate at a load only depends on the contact state at this load.
+    The error is known from a calibration set, see `patch_interval`. It depends only on the contact state at the load.
 
     Parameters
     ----------
@@ -299,19 +321,20 @@ def error_budget(
     ----------
     scene : input of the study.
     study : result of the study. The budget of a stochastic study is that of its median.
-    coarse : solutions of the same scene on fewer points; only the first one is used. Without one, the error of the
-        pixels is left out, and the upper end of a sealed step is unknown (inf), unless it is sealed for certain.
-    filtered : solution of the scene without waves up to twice the shortest one.
-    kept_slope : ratio of the rms slope of the surface to its rms slope with the removed waves. It is 1 if no waves were
-        removed, for example from a generated surface. The error of the filter is left out then. The upper end is inf if
-        a sealed step may be open with the removed waves, and no load shows how much it would then leak.
-    wave_pixels : number of pixels in the shortest wave of the scene. With more than 8 pixels, the minimum that is
-        assumed for the error of the pixels is smaller.
+    coarse : solutions of the same scene on fewer points; only the first one is used. If there is none, the error of the
+        pixel size is left out. The upper end of a sealed step is then inf, unless its contact fraction is so large that
+        the step is sealed for certain.
+    filtered : solution of the scene without the waves that are shorter than twice its shortest wavelength.
+    kept_slope : rms slope of the surface, divided by its rms slope before waves were removed. It is 1 if no waves were
+        removed, for example for a generated surface; then the error of the filter is left out. If the seal may be open
+        at a sealed step because of the removed waves, and it is unknown how much it would leak, the upper end is inf.
+    wave_pixels : number of pixels in the shortest wave of the scene. With more than 8 pixels, the error of the pixel
+        size has a smaller lower limit.
 
     Returns
     -------
-    The budget. Its interval contains the true leakage in about 95 of 100 cases. The distances of ln(leakage) of all
-    error sources are combined as the square root of the sum of their squares.
+    The budget. Its interval contains the true leakage in about 95 of 100 cases. Each error source has a distance d from
+    ln(leakage) to an end of its interval; the combined distance is √Σd².
 
     Examples
     --------
@@ -336,7 +359,7 @@ def error_budget(
 class NumericalErrors:
     """Estimate the numerical errors of one study, and the error of measuring only a patch of the surface.
 
-    Each method evaluates one error source. It returns an empty list if the study does not have this error.
+    Each method evaluates one error source, and returns an empty list if the study does not have this error.
     """
 
     def __init__(self, scene: Scene, study: StudyResult) -> None:
@@ -364,7 +387,8 @@ class NumericalErrors:
     ) -> list[ErrorPart]:
         """Estimate the error of the pixel size.
 
-        coarse : solution on fewer points; None if there is no such solution.
+        coarse : solution of the same scene on fewer points; None if there is no such solution.
+        wave_pixels : number of pixels in the shortest wave.
         """
         if coarse is None:
             parts = one_grid_part(self.leakage, self.in_contact)
@@ -393,7 +417,7 @@ class NumericalErrors:
         return [realisations_part(self.study)] if isinstance(self.study, StochasticResult) else []
 
     def patch(self) -> list[ErrorPart]:
-        """Estimate how far the leakage of measured patches or blocks may be from that of the whole surface."""
+        """Estimate the error of computing the leakage from measured patches, or by blocks."""
         study = self.study
         if not isinstance(study, BlocksResult | StochasticResult) or study.patch_state is None:
             return []

@@ -58,19 +58,21 @@ class DrawnForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wave of this form that the patch contains as well [m]; inf, because it contains none of them."""
+        """Shortest wave that both this form and the patch contain [m]; inf, because they have no waves in common."""
         return np.inf
 
     def heights(self, points: Array, frame: Frame) -> Array:
         """Compute the heights at points (n, 2) [m].
 
-        Each wave has the amplitude √(2/waves) times the rms height, so that their sum has this rms height. It is
-        reduced if the flatness would be exceeded.
+        Each of the n waves has the amplitude √(2/n) times the rms height, so that the sum of the waves has this rms
+        height. The amplitude is reduced if the flatness would be exceeded.
         """
-        z = np.cos(points @ self.vectors.T + self.phases).sum(axis=1)
+        z = np.cos(points @ self.vectors.T + self.phases).sum(axis=1)  # for an amplitude of 1
         amplitude = self.rms_height * (2 / len(self.phases)) ** 0.5
-        largest = np.inf if self.flatness is None else self.flatness / np.ptp(z)
-        return z * min(amplitude, largest)
+        largest_amplitude = np.inf
+        if self.flatness is not None:
+            largest_amplitude = self.flatness / np.ptp(z)
+        return z * min(amplitude, largest_amplitude)
 
 
 def longer_waves(
@@ -84,11 +86,11 @@ def longer_waves(
     forms: Sequence[SealForm] = (),
     mapper: Mapper = map,
 ) -> Array | None:
-    """Compute how random waves between the side of the patch and the breadth of the seal change ln(leakage).
+    """Compute the changes of ln(leakage) that are caused by random waves longer than the measured patch.
 
-    Without a flatness, the spectrum is extrapolated to the breadth of the seal. With a flatness, it is extrapolated to
-    the longer side of the seal. If the spectrum does not rise towards long waves, the waves are as high as the
-    flatness.
+    The shortest of these waves is as long as the side of the patch. The longest is as long as the breadth of the seal
+    or, if a flatness is given, as the longer side of the seal. If the spectrum of the patch rises towards long waves,
+    it is extrapolated, and this gives the height of the waves. Otherwise, their height is given by the flatness.
 
     Parameters
     ----------
@@ -97,21 +99,22 @@ def longer_waves(
     waves : longest waves of the patch.
     flatness : distance between the lowest and the highest point of the seal [m]; None if it is not known.
     seed : seed of the random waves.
-    forms : known forms of the seal. Only waves that are shorter than these forms resolve are added.
+    forms : known forms of the seal. The random waves are shorter than the shortest wave of these forms.
     mapper : computes a stage for many items.
 
     Returns
     -------
     Array (random forms, steps). It is NaN where the seal without these waves is sealed, or where the contact with them
-    could not be solved. The result is None if the seal is hardly larger than the patch, or if the patch contains the
-    longest waves of the surface and no flatness is given.
+    could not be solved. The result is None if the seal is hardly larger than the patch. It is also None if no flatness
+    is given and the spectrum does not rise, because the patch then contains the longest waves of the surface.
     """
     side = min(scene.surface.shortest_patch.size)
     if not waves.rises and flatness is None:
         return None
+    # the tiles are as large as the patch
     cell = CellSize((side, side), max(1, round(scene.surface.size[0] / side)), length, breadth)
     tiles = attempt(scene.layout.lay_out, cell)
-    if isinstance(tiles, Failed):  # narrower than the patch
+    if isinstance(tiles, Failed):  # the seal is narrower than the patch
         return None
     longest = tiles.seal.size[0]
     if flatness is not None:
@@ -127,7 +130,7 @@ def longer_waves(
     flow = replace(dry.flow, spiral=None)
     take = partial(_gap_and_permeability, flow=flow, spacing=dry.surface.spacing)
     programme, states = solve_layer_states(dry, take, mapper)
-    mean_gap, permeability = np.array(states).T  # one of each for every load of the programme
+    mean_gap, permeability = np.array(states).T  # (load of the programme,) each
     layer = RoughLayer.from_mean_gaps(dry, programme, mean_gap)
     curves = CellCurves(programme, permeability)
     solve = partial(_leakage, dry, tiles, layer, curves)
@@ -155,17 +158,15 @@ def _leakage(
     k = np.repeat(curves.k_on_paths(nominal, steps), tiles.count, axis=1)  # (step, tile)
     if forms:
         contact = attempt(solve_seal_contact, scene, tiles, forms, map, layer)
-        if isinstance(contact, Failed):  # such as a form that is too steep
+        if isinstance(contact, Failed):  # for example because the form is too steep
             return np.full(len(steps), np.nan)
-        k = (
-            curves.k_on_paths(nominal * contact.pressure_fractions, steps)
-            + contact.added_permeability
-        )
-    leakage = [
-        attempt(scene.leakage, tiles.seal, tiles.permeability(k_at_step, k_at_step))
-        for k_at_step in k
-    ]
-    return np.array([solution.per_length for solution in leakage])
+        tile_pressures = nominal * contact.pressure_fractions
+        k = curves.k_on_paths(tile_pressures, steps) + contact.added_permeability
+    leakage = []
+    for k_at_step in k:
+        element_k = tiles.permeability(k_at_step, k_at_step)  # isotropic
+        leakage.append(attempt(scene.leakage, tiles.seal, element_k).per_length)
+    return np.array(leakage)
 
 
 def _gap_and_permeability(
@@ -179,13 +180,14 @@ def _gap_and_permeability(
 def _rms_between(waves: Representative, h: float, shortest: float, longest: float) -> float:
     """Compute the rms height of the waves between two wavelengths [m].
 
-    The mean square height is (1/2π)∫q C(q) dq over the wave numbers q between the two. The spectral density is the
-    power law C(q) = C₀ (q/q₀)^(−2 − 2h), with the Hurst exponent h, through the density C₀ at the longest octave of the
-    patch.
+    The mean square height is (1/2π)∫q C(q) dq over the wave numbers q of these waves. The spectral density is the power
+    law C(q) = C₀ (q/q₀)^(−2 − 2h), with the Hurst exponent h. It has the density C₀ of the patch at the wave number q₀
+    of the longest octave of the patch.
     """
-    octave_number = 2 * pi / waves.octave
-    integral = ((2 * pi / longest) ** (-2 * h) - (2 * pi / shortest) ** (-2 * h)) / (2 * h)
-    return float(np.sqrt(waves.density * octave_number ** (2 + 2 * h) * integral / (2 * pi)))
+    q0 = 2 * pi / waves.octave
+    lowest, highest = 2 * pi / longest, 2 * pi / shortest  # wave numbers
+    integral = (lowest ** (-2 * h) - highest ** (-2 * h)) / (2 * h)  # ∫ q^(−1 − 2h) dq
+    return float(np.sqrt(waves.density * q0 ** (2 + 2 * h) * integral / (2 * pi)))
 
 
 def _draw_form(
@@ -197,9 +199,10 @@ def _draw_form(
 ) -> DrawnForm:
     """Draw random waves between two wavelengths [m].
 
-    The probability density of their wave numbers q is proportional to q C(q), that is, to q^(−1 − 2H). They are drawn
-    by inverting its cumulative distribution, which is linear in q^(−2H).
+    The probability density of the wave numbers q is proportional to q C(q), and therefore to q^(−1 − 2H). The wave
+    numbers are drawn by inverting their cumulative distribution, which is a linear function of q^(−2H).
     """
+    # values of q^(−2H) at both ends of the range
     low, high = ((2 * pi / wavelength) ** (-2 * hurst) for wavelength in wavelengths)
     q = (low + (high - low) * rng.random(_WAVES)) ** (-1 / (2 * hurst))
     angle, phase = rng.uniform(0, 2 * pi, (2, _WAVES))

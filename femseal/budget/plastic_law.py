@@ -1,8 +1,9 @@
-"""Estimate the error of limiting the contact pressure by the hardness, in place of plastic flow of the material below.
+"""Estimate the error of limiting the contact pressure by the hardness, in place of plastic flow below the surface.
 
-The contact law cuts the pressure of each point off at H. A real metal yields below the surface. Both were compared on
-small surfaces, with von Mises plasticity below the surface, see `docs/evidence/plastic_law.md`. The ratio H/σ_y with
-which both leak as much depends on how plastic the contacts are, that is on H/(E* h′) with the rms slope h′.
+The contact law limits the pressure of each point to the hardness H. In a real metal, the material yields below the
+surface. On small surfaces, this law was compared with a solution that has von Mises plasticity with the yield stress
+σ_y, see `docs/evidence/plastic_law.md`. The two solutions leak equally if the law is used with a suitable ratio H/σ_y.
+This ratio depends on how plastic the contacts are, that is, on σ_y/(E* h′) with the rms slope h′.
 """
 
 from __future__ import annotations
@@ -17,40 +18,42 @@ from ..studies import Scene
 from ..studies.study_registry import contact_fraction_of
 from .error_parts import ErrorPart, part_of_changes, sensitivity
 
-#: Values of 2.8 σ_y/(E* h′) at which both bodies were compared.
+#: Values of 2.8 σ_y/(E* h′) at which the two solutions were compared.
 _SEVERITY = (0.1, 0.3, 0.6, 1.5)
-#: Equivalent H/σ_y at these values: the ends of an interval that contains 95 % of the loads, surfaces and directions.
-#: Measured on 4, 8, 5 and 1 surfaces.
+#: Ratio H/σ_y with which both leak equally, at these values: the ends of an interval that contains 95 % of the loads,
+#: surfaces and directions of the flow. Measured on 4, 8, 5 and 1 surfaces.
 _LOWEST_RATIO = (2.6, 2.15, 1.9, 1.65)
 _HIGHEST_RATIO = (3.3, 2.8, 2.4, 2.0)
-#: Change of ln(load) that has the effect of a unit change of ln(H) at these values. It is 1 for rigid, perfectly
-#: plastic bodies and 0 for elastic ones.
+#: Change of ln(load) that has the same effect as a unit change of ln(H), at these values. It is 1 for rigid, perfectly
+#: plastic bodies and 0 for elastic bodies.
 _LOAD_PER_HARDNESS = (0.85, 0.65, 0.45, 0.25)
-#: Slope of ln(leakage) towards higher loads over that between the tabulated loads, because leakage falls ever faster.
+#: Factor by which the slope of ln(leakage) is larger towards higher loads than between the solved loads, because the
+#: leakage falls ever faster.
 _STEEPER = 1.5
-#: Distance of ln(leakage) to the lower end from which on the seal may be sealed.
+#: If the distance from ln(leakage) to the lower end is larger than this, the seal may be sealed.
 _MAY_CLOSE = 1.5
 
 
 def equivalent_ratios(severity: float) -> tuple[float, float]:
-    """Return the interval of H/σ_y with which a limited pressure leaks as much as von Mises plasticity.
+    """Return the lowest and the highest H/σ_y for which the contact law leaks as much as von Mises plasticity.
 
-    severity : 2.8 σ_y/(E* h′), for values outside the measured range those at its ends are returned.
+    severity : value of 2.8 σ_y/(E* h′). Outside the measured range, the results at the end of this range are returned.
     """
-    place = np.log(severity)
-    lowest, highest = (
-        float(np.interp(place, np.log(_SEVERITY), ratios))
-        for ratios in (_LOWEST_RATIO, _HIGHEST_RATIO)
-    )
+    log_severity = np.log(severity)
+    lowest = float(np.interp(log_severity, np.log(_SEVERITY), _LOWEST_RATIO))
+    highest = float(np.interp(log_severity, np.log(_SEVERITY), _HIGHEST_RATIO))
     return lowest, highest
 
 
 def plastic_law_part(
     scene: Scene, study: Any, leakage: Array, hardness_over_yield: float = HARDNESS_FACTOR
 ) -> ErrorPart | None:
-    """Estimate the error of the contact law as a shift of the load, by the slope of ln(leakage) over ln(load).
+    """Estimate the error of limiting the contact pressure by the hardness.
 
-    After unloading, the error is at least as large as at the peak, whose plastic deformation remains.
+    The hardness of the scene differs from the lowest and from the highest equivalent hardness. Either difference in
+    ln(H) has the effect of a shift of ln(load), see `_LOAD_PER_HARDNESS`. The error of ln(leakage) is this shift times
+    the slope |d ln(leakage)/d ln(load)|. On unloading, the error is at least as large as at the peak, because the
+    plastic deformation of the peak remains.
 
     Parameters
     ----------
@@ -68,10 +71,13 @@ def plastic_law_part(
     elastic_pressure = scene.surface_modulus * scene.surface.rms_slope
     severity = HARDNESS_FACTOR * yield_stress / elastic_pressure
     lowest, highest = equivalent_ratios(severity)
-    per_hardness = float(np.interp(np.log(severity), np.log(_SEVERITY), _LOAD_PER_HARDNESS))
+    load_per_hardness = float(np.interp(np.log(severity), np.log(_SEVERITY), _LOAD_PER_HARDNESS))
     steps = scene.steps
-    slope = sensitivity(steps, leakage, contact_fraction_of(study, steps)) * per_hardness
+    # slope of ln(leakage) over ln(load), then over ln(H)
+    load_slope = sensitivity(steps, leakage, contact_fraction_of(study, steps))
+    slope = load_slope * load_per_hardness
     slope = np.maximum(slope, slope[steps.peak_indices])
+    # a lower hardness has the effect of a higher load, and reduces the leakage
     below = _STEEPER * slope * max(np.log(hardness_over_yield / lowest), 0.0)
     below = np.where(below > _MAY_CLOSE, np.inf, below)
     above = slope * max(np.log(highest / hardness_over_yield), 0.0)

@@ -3,11 +3,11 @@
 Waves are missing because a low-pass filter removed them, or because the instrument did not resolve them. If the
 spectrum is continued, the phases of the continued waves are arbitrary, and waves beyond the cut-off are still missing.
 
-The effect of the missing waves has an upper bound. With them the surface would be steeper. Its faces would be as far
-apart as the smoother faces are under a lower load. By Persson's theory the contact fraction is erf(c p/(E* h')) with
-the rms slope h' and a constant c. If the smoother surface has κ times the slope of the complete one, it therefore has
-the same contact fraction at the pressure κ p as the complete surface at p. A similar relation was found for the
-leakage, see `LOAD_POWER`.
+The effect of the missing waves has an upper bound. With the missing waves, the surface would be steeper, and its gap
+would be about the same as the gap of the present, smoother surface under a lower load. By Persson's theory, the contact
+fraction is erf(c p/(E* h')), with the pressure p, the rms slope h' and a constant c. Let the present surface have κ
+times the rms slope of the complete surface. Then its contact fraction under the pressure κ p is equal to the contact
+fraction of the complete surface under p. A similar relation was found for the leakage, see `LOAD_POWER`.
 """
 
 from collections.abc import Sequence
@@ -29,10 +29,11 @@ from .error_parts import (
     part_of_changes,
 )
 
-#: The error of ln(leakage) that removed waves cause is _ERROR √(s² + o²), where s and o are two estimates. Let r be the
-#: ratio of the mean square slope of the removed waves to that of the remaining waves. The estimate from the contact
-#: state is s = _BY_STATE r^_POWER |d ln(leakage)/d ln(load)|, with the slope that the contact fraction suggests. The
-#: estimate from the octave, o, is the change of ln(leakage) without the shortest octave, scaled by the same power.
+#: The error of ln(leakage) due to removed waves is _ERROR √(s² + o²), where s and o are two estimates. Let r be the mean
+#: square slope of the removed waves, divided by the mean square slope of the remaining waves. The estimate from the
+#: contact state is s = _BY_STATE r^_POWER |d ln(leakage)/d ln(load)|, with the slope of `expected_sensitivity`. The
+#: estimate from the octave, o, is the change of ln(leakage) when the shortest octave of the remaining waves is also
+#: removed. It is multiplied by (r/r_o)^_POWER, but at most by 1, where r_o is the same ratio for this octave.
 #: Measured on 90 files of three kinds, see docs/evidence/error_budget.md.
 _POWER, _BY_STATE, _ERROR = 0.4, 0.4, 0.8
 #: The surface may be sealed if the estimate of the error from the contact state is larger than this. Of 1739 loads, 38
@@ -44,9 +45,9 @@ _MOST_CHANGE = float(np.log(VAGUE))
 #: fraction of the rms slope. Measured on 96 surfaces of four kinds, see docs/evidence/error_budget.md: with a power of
 #: 1 one load of 106 leaks more than the upper end, with 1.25 one of 425.
 LOAD_POWER = 1.25
-#: Smallest remaining fraction of the slope for which the leakage is extrapolated from a single load.
+#: Smallest remaining fraction κ of the rms slope for which the leakage is extrapolated from a single load.
 _LEAST_SLOPE_RATIO = 0.5
-#: A surface is sealed for certain if its contact fraction with all waves is above this value. The largest contact
+#: A surface is sealed for certain if its contact fraction with all waves is at least this value. The largest contact
 #: fraction of an open surface was 0.58.
 SEALED_CONTACT = 0.6
 
@@ -54,12 +55,12 @@ SEALED_CONTACT = 0.6
 def one_grid_part(leakage: Array, in_contact: Array) -> list[ErrorPart]:
     """Estimate the error of the pixel size for a scene that was solved on one grid only.
 
-    Nothing is known about the steps that leak. A step that is sealed on this grid may in truth be open, unless its
-    contact fraction rules that out.
+    For leaking steps, one grid gives no estimate, and the interval has no width. A step that is sealed on this grid may
+    really be open, unless its contact fraction is so large that it is sealed for certain. Its upper end is then inf.
 
     in_contact : contact fraction at every step (steps,).
 
-    Returns an empty list if no sealed step may be open.
+    Returns an empty list if all sealed steps are sealed for certain.
     """
     q = np.abs(np.asarray(leakage, float))
     may_open = (q == 0) & ~sealed_for_certain(in_contact)
@@ -79,9 +80,9 @@ def filter_part(
 ) -> ErrorPart:
     """Estimate the error that the filter causes, from the slope of the removed waves and a solution with fewer waves.
 
-    The additional solution lacks the shortest octave of the remaining waves. The estimate at a load only depends on the
-    contact state at this load. On unloading it is at least as large as at the peak. If most of the slope was removed,
-    the removed waves may also seal the surface.
+    In the additional solution, the shortest octave of the remaining waves is removed as well. The error is computed
+    from the two estimates s and o, see `_ERROR`. It depends only on the contact state at the load; on unloading, it is
+    at least as large as at the peak. If most of the slope was removed, the removed waves may also seal the surface.
 
     Parameters
     ----------
@@ -89,22 +90,24 @@ def filter_part(
     leakage : array (steps,), m²/s.
     in_contact : contact fraction, array (steps,).
     filtered : solution without the shortest octave of the remaining waves.
-    slope_ratio : ratio of the rms slope of the surface to its rms slope with the removed waves.
+    slope_ratio : rms slope of the surface, divided by its rms slope before the waves were removed.
     name : name of the error source.
     """
     steps = scene.steps
     change = filtered.change(leakage)
-    # mean square slopes of the removed waves and of the octave, relative to that of the surface
+    # mean square slopes of the removed waves and of the octave, divided by the mean square slope of the surface
     removed = 1 / slope_ratio**2 - 1
     octave = 1.0
     if filtered.rms_slope is not None and scene.surface.rms_slope:
         octave = max(1 - (filtered.rms_slope / scene.surface.rms_slope) ** 2, 0.0)
-    octave_factor = min(removed / octave, 1.0) ** _POWER if octave else 1.0
-    from_octave = octave_factor * np.minimum(np.abs(change), _MOST_CHANGE)
-    from_state = _BY_STATE * expected_sensitivity(in_contact) * removed**_POWER
-    distance = _ERROR * np.hypot(from_octave, from_state)
+    octave_factor = 1.0
+    if octave:
+        octave_factor = min(removed / octave, 1.0) ** _POWER
+    octave_estimate = octave_factor * np.minimum(np.abs(change), _MOST_CHANGE)
+    state_estimate = _BY_STATE * expected_sensitivity(in_contact) * removed**_POWER
+    distance = _ERROR * np.hypot(octave_estimate, state_estimate)
     distance = np.fmax(distance, distance[steps.peak_indices])
-    below = np.where(_ERROR * from_state > _MAY_CLOSE, np.inf, distance)
+    below = np.where(_ERROR * state_estimate > _MAY_CLOSE, np.inf, distance)
     note = (
         f"removed waves have {as_text(1 - slope_ratio, percent=True)} of the rms slope; estimated from it, from the "
         "contact fraction, and from the change of ln(leakage) without the shortest octave of the remaining waves"
@@ -124,10 +127,10 @@ def continuation_part(
 ) -> ErrorPart:
     """Estimate the error that is caused by continuing the spectrum.
 
-    Two contributions are combined as the square root of the sum of their squares. The first one is the scatter between
-    surfaces whose continued waves have different random phases. It is Student's prediction interval for one more such
-    surface, because the true surface is like one more. The second one is the effect of waves beyond the cut-off, see
-    `filter_part`.
+    There are two contributions a and b, which are combined as √(a² + b²). The first is the scatter between surfaces
+    whose continued waves have different random phases. The true surface is regarded as one more of these surfaces, and
+    a follows from Student's prediction interval for one more sample. The second contribution, b, is the effect of waves
+    beyond the cut-off, see `filter_part`.
 
     Parameters
     ----------
@@ -136,16 +139,18 @@ def continuation_part(
     in_contact : contact fraction, array (steps,).
     others : solutions with other phases.
     shorter : solution without the shortest octave of waves.
-    slope_ratio : ratio of the rms slope of the surface to its rms slope with the waves beyond the cut-off that matter.
+    slope_ratio : rms slope of the surface, divided by the rms slope that it would have if the relevant waves beyond the
+        cut-off were included.
     """
     steps = scene.steps
     n = len(others) + 1
     changes = np.array([other.change(leakage) for other in others])  # (solution, step)
     finite = np.where(np.isinf(changes), 0.0, changes)
-    # the surface of the study itself is one of the n realisations, with a change of 0
-    all_changes = np.vstack([np.zeros(len(steps)), finite])
-    mean = all_changes.mean(axis=0)
-    deviation = all_changes.std(axis=0, ddof=1)
+    # the surface of the study itself is one of the n samples, with a change of 0
+    samples = np.vstack([np.zeros(len(steps)), finite])
+    mean = samples.mean(axis=0)
+    deviation = samples.std(axis=0, ddof=1)
+    # the change for the true surface lies between mean − scatter and mean + scatter
     scatter = stdtrit(n - 1, (1 + COVERAGE) / 2) * np.sqrt(1 + 1 / n) * deviation
     beyond_cut_off = filter_part(scene, leakage, in_contact, shorter, slope_ratio)
     q = np.abs(leakage)
@@ -154,8 +159,9 @@ def continuation_part(
         filter_above = np.nan_to_num(np.log(beyond_cut_off.upper / q), nan=0.0)
     below = np.hypot(np.maximum(scatter - mean, 0.0), filter_below)
     above = np.hypot(np.maximum(scatter + mean, 0.0), filter_above)
+    # where other phases seal the surface, the lower end is 0
     below = np.where(np.isneginf(changes).any(axis=0), np.inf, below)
-    # inf where other phases open a sealed step
+    # inf where other phases open a sealed surface, NaN where a solution is unknown; the finite values are not used
     total_change = np.where(np.isposinf(changes).any(axis=0), np.inf, changes.sum(axis=0))
     leakiest = max(others, key=lambda other: float(np.nansum(np.abs(other.leakage))))
     note = (
@@ -170,17 +176,17 @@ def continuation_part(
 def raised_by_slope(
     part: ErrorPart, steps: LoadProgramme, leakage: Array, in_contact: Array, slope_ratio: float
 ) -> ErrorPart:
-    """Raise the upper ends of an interval to the upper bound that follows from the removed slope.
+    """Raise the upper ends of an interval to the upper bound that follows from the slope of the removed waves.
 
-    The bound is the leakage of the present surface under a lower load, see `under_less_load`. The upper end of a sealed
-    step is inf if no load shows how much it would leak.
+    With its removed waves, the surface would leak at most as much as the present surface does under a lower load, see
+    `under_less_load`. If the leakage under the lower load is unknown at a sealed step, its upper end is inf.
 
     Parameters
     ----------
     part : error source with the interval.
     steps : the load programme.
     leakage, in_contact : leakage [m²/s] and contact fraction at every step, arrays (steps,).
-    slope_ratio : ratio of the rms slope of the surface to its rms slope with the removed waves; 1 if none were removed.
+    slope_ratio : rms slope of the surface, divided by its rms slope before waves were removed; 1 if none were removed.
     """
     bound = under_less_load(steps, np.abs(np.asarray(leakage, float)), in_contact, slope_ratio)
     is_raised = bound > part.upper  # False for an unknown end, which stays unknown
@@ -192,28 +198,31 @@ def raised_by_slope(
 
 
 def sealed_for_certain(in_contact: Array, slope_ratio: float = 1.0) -> Flags:
-    """Return at which steps the surface would be sealed even with its removed waves (steps,).
+    """Return at which steps the surface would certainly be sealed if its removed waves were added again (steps,).
 
-    This is certain if the contact fraction would then be at least `SEALED_CONTACT`, by Persson's theory. It is False
-    where the contact fraction is unknown.
+    Let A be the contact fraction of the present surface, and κ the slope ratio. By Persson's theory, the surface with
+    its removed waves has the contact fraction erf(κ erfinv(A)). It is certainly sealed if this is at least
+    `SEALED_CONTACT`. The result is False where the contact fraction is unknown.
     """
     with np.errstate(invalid="ignore"):
-        return erf(slope_ratio * erfinv(np.clip(in_contact, 0.0, 1.0))) >= SEALED_CONTACT
+        complete_contact = erf(slope_ratio * erfinv(np.clip(in_contact, 0.0, 1.0)))
+        return complete_contact >= SEALED_CONTACT
 
 
 def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_ratio: float) -> Array:
-    """Estimate the leakage at every step under slope_ratio**LOAD_POWER times its load (steps,).
+    """Estimate the leakage at every load step (steps,) if the load were multiplied by slope_ratio**LOAD_POWER.
 
-    It is 0 where the surface is sealed under this load, too.
+    The result is 0 where the surface is sealed under the reduced load as well.
 
-    Steps of an unloading are evaluated on their own branch. In addition, their leakage is multiplied by the factor by
-    which that of the peak rises, because the peak would have been lower, too. It is limited by the leakage on loading.
+    At a step on unloading, the reduced load is evaluated on the same unloading branch. The reduced load cycle would
+    also have a lower peak. The leakage is therefore multiplied by the factor by which the leakage at the peak
+    increases. It cannot be larger than the leakage on loading under the same reduced load.
 
     Parameters
     ----------
     steps : the load programme.
     q, in_contact : leakage [m²/s] and contact fraction at every step, arrays (steps,).
-    slope_ratio : ratio of the rms slope of the surface to its rms slope with the removed waves.
+    slope_ratio : rms slope of the surface, divided by its rms slope before waves were removed.
     """
     p = steps.pressures
     estimate = np.array(q, float)
@@ -227,6 +236,7 @@ def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_rat
         peak = int(steps.peak_indices[unloading[0]])
         branch = np.append(unloading, peak)
         on_branch = _on_branch(p[branch], q[branch], slope_ratio, p[unloading], in_contact[branch])
+        # correct for the lower peak of the reduced load cycle
         if q[peak] > 0:
             on_branch = on_branch * (estimate[peak] / q[peak])
         else:
@@ -242,33 +252,37 @@ def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_rat
 def _on_branch(
     pressure: Array, q: Array, slope_ratio: float, loads: Array, in_contact: Array
 ) -> Array:
-    """Interpolate the leakage under slope_ratio**LOAD_POWER times some loads on one branch.
+    """Estimate the leakage on one branch of the load cycle, at loads that are multiplied by slope_ratio**LOAD_POWER.
 
-    The interpolation is linear in logarithms. Below the lowest load it is extrapolated. If only one load leaks, the
-    slope of the extrapolation is the largest one that the contact fraction suggests.
+    ln(leakage) is interpolated linearly over ln(load), and extrapolated below the lowest load. If the seal leaks only
+    at one load, the extrapolation has a large slope: `STEEPEST` times `expected_sensitivity`.
 
     Parameters
     ----------
     pressure, q, in_contact : load [Pa], leakage [m²/s] and contact fraction at the steps of the branch (n,).
-    slope_ratio : ratio of the rms slope of the surface to its rms slope with the removed waves.
-    loads : loads (m,) [Pa], before they are reduced.
+    slope_ratio : rms slope of the surface, divided by its rms slope before waves were removed.
+    loads : loads before the multiplication (m,) [Pa].
 
-    Returns the leakage (m,) [m²/s]; 0 at loads from the lowest sealed load on, and inf where it is unknown.
+    Returns the leakage (m,) [m²/s]. It is 0 if the reduced load is at least the lowest load of a sealed step, and inf
+    if it is unknown.
     """
     is_open = (q > 0) & (pressure > 0)
     order = np.argsort(pressure[is_open])
-    x = np.log(pressure[is_open])[order]
-    y = np.log(q[is_open])[order]
+    ln_load = np.log(pressure[is_open])[order]  # of the leaking steps, in increasing order
+    ln_leakage = np.log(q[is_open])[order]
     lowest_sealed = np.log(pressure[(q == 0) & (pressure > 0)].min(initial=np.inf))
     with np.errstate(divide="ignore", invalid="ignore"):
         reduced = np.log(loads) + LOAD_POWER * np.log(slope_ratio)
         leakage = np.full(loads.shape, np.inf)
-        if x.size == 1 and slope_ratio < _LEAST_SLOPE_RATIO:
-            leakage[reduced >= x[0]] = np.exp(y[0])
-        elif x.size == 1:
+        if ln_load.size == 1 and slope_ratio < _LEAST_SLOPE_RATIO:
+            # too far to extrapolate from one load; at higher loads, the leakage is at most as large as there
+            leakage[reduced >= ln_load[0]] = np.exp(ln_leakage[0])
+        elif ln_load.size == 1:
             slope = STEEPEST * float(expected_sensitivity(in_contact[is_open])[0])
-            leakage = np.exp(y[0] + slope * np.maximum(x[0] - reduced, 0.0))
-        elif x.size:
-            below = y[0] + (y[1] - y[0]) / (x[1] - x[0]) * (reduced - x[0])
-            leakage = np.exp(np.where(reduced < x[0], below, np.interp(reduced, x, y)))
+            leakage = np.exp(ln_leakage[0] + slope * np.maximum(ln_load[0] - reduced, 0.0))
+        elif ln_load.size:
+            slope = (ln_leakage[1] - ln_leakage[0]) / (ln_load[1] - ln_load[0])
+            extrapolated = ln_leakage[0] + slope * (reduced - ln_load[0])
+            interpolated = np.interp(reduced, ln_load, ln_leakage)
+            leakage = np.exp(np.where(reduced < ln_load[0], extrapolated, interpolated))
     return np.where((reduced >= lowest_sealed) | (loads <= 0), 0.0, leakage)

@@ -11,15 +11,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import hypot, sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..base import Array, Mapper
 from ..checks import FormEffect
 from ..materials import HARDNESS_FACTOR
-from ..studies import StochasticResult, study_of_result
+from ..studies import Scene, StochasticResult, study_of_result
 from ..studies.study_registry import contact_fraction_of
+from ..topography import Continuation, Surface
 from ..topography.conditioning import UNSEEN
 from .changed_models import ModelChange, model_changes, model_part, opposite_matters
 from .error_parts import CoarserSolution, ErrorBudget, ErrorPart
@@ -44,6 +45,17 @@ from .versions import (
     solved_version,
     without_filtered_waves,
 )
+
+
+class ChangedInput(NamedTuple):
+    """Hold a change of the model, the version of the input with this change, and the version with the opposite change.
+
+    The latter is None if there is no opposite change.
+    """
+
+    change: ModelChange
+    version: Version
+    opposite_version: Version | None
 
 
 @dataclass(frozen=True)
@@ -80,24 +92,24 @@ class BudgetRequest:
 
     @property
     def grid(self) -> Version:
-        """Version of the input on whose points changes of the model are solved."""
+        """Unchanged version of the input, on the same grid on which changes of the model are solved."""
         return self.coarser or self.version
 
     @cached_property
     def continued(self) -> list[Version]:
-        """Versions of the input in which the spectrum of the surface is continued differently."""
+        """Versions of the input that show the error of continuing the spectrum, see `continued_versions`."""
         return continued_versions(self.grid)
 
     @cached_property
-    def changes(self) -> list[tuple[ModelChange, Version, Version | None]]:
-        """Changes of the model, each with the version that has this change and the version with the opposite change."""
+    def changes(self) -> list[ChangedInput]:
+        """Changes of the model, with the changed versions of the input."""
         grid = self.grid
         changes = []
         for change in model_changes(grid.scene, self.model_parts, self.hardness, grid.form):
             opposite_version = None
             if change.opposite is not None:
                 opposite_version = grid.changed(change.opposite)
-            changes.append((change, grid.changed(change), opposite_version))
+            changes.append(ChangedInput(change, grid.changed(change), opposite_version))
         return changes
 
 
@@ -107,7 +119,7 @@ class Evaluation:
     def __init__(self, request: BudgetRequest, mapper: Mapper) -> None:
         self.request = request
         self.mapper = mapper
-        # versions that are solved and their leakages, by the identity of the version
+        # each solved version and its leakages, by the identity of the version
         self._solved: dict[int, tuple[Version, dict[str, VersionLeakage]]] = {}
 
     def solve(self, version: Version) -> dict[str, VersionLeakage]:
@@ -117,9 +129,9 @@ class Evaluation:
         return self._solved[id(version)][1]
 
     def on_grid(self, version: Version, result: Any) -> CoarserSolution | None:
-        """Compare the leakage of a changed version with that of the unchanged input on the same grid.
+        """Compare the leakage of a changed version with the leakage of the unchanged input on the same grid.
 
-        Returns None if one of the two solutions failed.
+        The result is None if solving one of the two versions failed.
         """
         key = solved_study(study_of_result(result)).key
         unchanged = self.solve(self.request.grid).get(key)
@@ -156,7 +168,7 @@ class ErrorSource:
     of_model: bool = True
 
     def is_wanted(self, request: BudgetRequest) -> bool:
-        """Return whether the requested budget contains this error source."""
+        """Return whether the requested budget is to contain this error source."""
         return not self.of_model or self.name in request.model_parts
 
 
@@ -232,25 +244,25 @@ def _form_of_the_patch(
 def _longer_waves(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Evaluate the waves longer than the measured patch, which matter for stochastic seals."""
+    """Evaluate the error of leaving out waves longer than the measured patch, which only stochastic seals have."""
     version = evaluation.request.version
     if not isinstance(result, StochasticResult):
         return []
     changes = version.longer_waves(evaluation.request.grid.scene.surface, evaluation.mapper)
     if changes is None:
         return []
-    flat = version.flatness is not None
-    return [longer_waves_part(changes, flat, result.steps, leakage_of(result))]
+    has_flatness = version.flatness is not None
+    return [longer_waves_part(changes, has_flatness, result.steps, leakage_of(result))]
 
 
 def _continuation(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Evaluate the waves with which the spectrum was continued. If a version failed, the error is unknown."""
+    """Evaluate the error of continuing the spectrum. It is unknown if solving one of the versions failed."""
     version, grid = evaluation.request.version, evaluation.request.grid
-    continued = version.continuation
+    continuation = version.continuation
     unchanged = evaluation.solve(grid).get(solved_study(study_of_result(result)).key)
-    if continued is None or unchanged is None:
+    if continuation is None or unchanged is None:
         return []
     unknown = CoarserSolution(
         grid.scene.surface.shape, np.full(len(grid.scene.steps), np.nan), unchanged.leakage
@@ -261,14 +273,9 @@ def _continuation(
     ]
     # the last version lacks the shortest octave of waves, see `continued_versions`
     *other_phases, without_octave = solutions
-    surface, cut_off = version.scene.surface, continued.cut_off
-    shorter = replace(without_octave, rms_slope=surface.low_pass(2 * cut_off).rms_slope)
-    # the waves beyond the cut-off are considered over an octave at least, and over a decade at most
-    law, modulus = grid.scene.law, grid.scene.surface_modulus
-    last_wave = continued.shortest_relevant_wave(law.mean_hardness, modulus)
-    shortest = float(np.clip(last_wave, cut_off / UNSEEN, cut_off / 2))
-    square_slope_beyond = continued.law.slope_power(cut_off, shortest)
-    slope_ratio = surface.rms_slope / hypot(surface.rms_slope, sqrt(square_slope_beyond))
+    smoother_surface = version.scene.surface.low_pass(2 * continuation.cut_off)
+    shorter = replace(without_octave, rms_slope=smoother_surface.rms_slope)
+    slope_ratio = _slope_ratio_beyond(version.scene.surface, continuation, grid.scene)
     in_contact: Array = contact_fraction_of(result, version.scene.steps)
     leakage = leakage_of(result)
     return [
@@ -276,37 +283,54 @@ def _continuation(
     ]
 
 
+def _slope_ratio_beyond(surface: Surface, continuation: Continuation, scene: Scene) -> float:
+    """Divide the rms slope of a surface by the rms slope that it would have with the waves beyond the cut-off.
+
+    The waves are considered down to the shortest wave that is relevant for the contact, but over one octave at least
+    and one decade at most.
+    """
+    cut_off = continuation.cut_off
+    last_wave = continuation.shortest_relevant_wave(scene.law.mean_hardness, scene.surface_modulus)
+    shortest = float(np.clip(last_wave, cut_off / UNSEEN, cut_off / 2))
+    square_slope_beyond = continuation.law.slope_power(cut_off, shortest)
+    return surface.rms_slope / hypot(surface.rms_slope, sqrt(square_slope_beyond))
+
+
 def _changed_versions(request: BudgetRequest, name: str) -> list[Version | None]:
-    """List the versions of the input with a change of the model, and those with the opposite change."""
+    """List the versions of the input in which the model is changed for the error source with this name."""
     versions: list[Version | None] = []
-    for change, changed_version, opposite_version in request.changes:
-        if change.name == name:
-            versions += [changed_version, opposite_version]
+    for changed in request.changes:
+        if changed.change.name == name:
+            versions += [changed.version, changed.opposite_version]
     return versions
 
 
 def _changed_model(
     evaluation: Evaluation, result: Any, budget: ErrorBudget, name: str
 ) -> list[ErrorPart | None]:
-    """Evaluate a change of the model. The opposite change is only solved if it matters, see `opposite_matters`."""
+    """Evaluate the error source with this name by changing the model.
+
+    The opposite change is only solved if it matters, see `opposite_matters`.
+    """
     parts: list[ErrorPart | None] = []
     leakage = leakage_of(result)
-    for change, changed_version, opposite_version in evaluation.request.changes:
+    for changed in evaluation.request.changes:
+        change = changed.change
         if change.name != name:
             continue
-        solution = evaluation.on_grid(changed_version, result)
+        solution = evaluation.on_grid(changed.version, result)
         if solution is None:
             continue
         part = model_part(change, result.steps, leakage, solution)
-        if opposite_version is not None and opposite_matters(part, budget):
-            opposite = evaluation.on_grid(opposite_version, result)
+        if changed.opposite_version is not None and opposite_matters(part, budget):
+            opposite = evaluation.on_grid(changed.opposite_version, result)
             part = model_part(change, result.steps, leakage, solution, opposite)
         parts.append(part)
     return parts
 
 
 def _source_of_changes(name: str) -> ErrorSource:
-    """Make the error source for the changes of the model with a name."""
+    """Make the error source with this name, which is evaluated by changing the model, see `model_changes`."""
     return ErrorSource(
         name, partial(_changed_versions, name=name), partial(_changed_model, name=name)
     )
@@ -352,9 +376,10 @@ def budgets_of(
     request : input of the run, and the requested error sources.
     studies : results of the studies, by the key of the study.
     mapper : computes the items of a stage.
-    known : budgets of the numerical errors that have been made already, by the key of the study.
+    known : budgets that already contain the numerical errors, by the key of the study. These errors are not estimated
+        again.
 
-    Returns the budgets by the key of the study.
+    Returns the error budget of each study, by the key of the study.
     """
     known_budgets = known or {}
     evaluation = Evaluation(request, mapper)

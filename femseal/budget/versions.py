@@ -1,6 +1,6 @@
 """Make the modified versions of the input of a run that its error budget needs.
 
-They have fewer points, fewer waves, or one other assumption of the model.
+The modified versions have fewer points or fewer waves, or one assumption of the model is changed.
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ COARSENING = 0.5
 MOST_POINTS_FRACTION = 0.6
 #: Largest number of realisations that are solved again for a version.
 _MOST_REALISATIONS = 5
-#: Number of tiles of all these realisations together, in multiples of the number of cells of the surface.
+#: No more realisations are solved again if all of them together have this many times as many tiles as the surface has
+#: cells.
 _SURFACES = 40
 #: Removed waves only matter if they have at least this fraction of the rms slope.
 LEAST_REMOVED = 1e-4
@@ -36,7 +37,7 @@ log = logging.getLogger("femseal")
 
 
 class Version(Protocol):
-    """Input of the studies of a run. `preparation.Prepared` implements this protocol."""
+    """Describe the input of the studies of a run. `preparation.Prepared` implements this protocol."""
 
     @property
     def scene(self) -> Scene:
@@ -90,7 +91,7 @@ class Version(Protocol):
 
     @property
     def points_divide_by(self) -> Shape:
-        """Divisors of the numbers of points along x1 and x2: a surface can only be divided into equal blocks then."""
+        """Numbers by which the points along x1 and x2 must be divisible, so that all blocks are equal."""
         ...
 
     @property
@@ -99,11 +100,11 @@ class Version(Protocol):
         ...
 
     def replaced(self, **changes: Any) -> Any:
-        """Return the same input with some attributes replaced."""
+        """Return a copy of the input with some attributes replaced."""
         ...
 
     def changed(self, change: ModelChange) -> Any:
-        """Return the same input with a change of the model."""
+        """Return a copy of the input with a change of the model."""
         ...
 
     def solve(self, study: Study, mapper: Mapper) -> Any:
@@ -116,15 +117,15 @@ class Version(Protocol):
 
 
 def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 1)) -> Shape | None:
-    """Return half the number of points along each axis, or slightly more if the cells need it.
+    """Return half the number of points along each axis, or slightly more where cells or blocks require it.
 
-    The result is None if such a grid would be too similar to the original one for a comparison.
+    The result is None if such a grid would be too similar to the original grid for a comparison.
 
     Parameters
     ----------
     points : numbers of points along x1 and x2.
-    least : smallest possible numbers of points.
-    divide_by : divisors of the numbers of points.
+    least : smallest permitted numbers of points along x1 and x2.
+    divide_by : numbers by which the points along x1 and x2 must be divisible.
     """
     n1, n2 = (
         ceil(max(ceil(COARSENING * n), smallest) / divisor) * divisor
@@ -136,7 +137,7 @@ def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 
 
 
 def solved_study(study: Study) -> Study:
-    """Return the study that is solved for a version of the input in place of a study of the run.
+    """Return the study that is solved for a modified version of the input, in place of a study of the run.
 
     The two-scale study is replaced by the deterministic one, because both solve the whole surface.
     """
@@ -151,7 +152,7 @@ def coarser_grid(version: Version) -> Version | None:
 
 
 def without_filtered_waves(version: Version) -> Version | None:
-    """Make the version without waves up to twice the shortest wavelength; None if the surface was not filtered."""
+    """Make the version without the waves below twice the shortest wavelength; None if the surface was not filtered."""
     if not _lacks_waves(version):
         return None
     surface, wave = version.scene.surface, 2 * version.conditioning.shortest_wave
@@ -171,8 +172,8 @@ def without_filtered_waves(version: Version) -> Version | None:
 def continued_versions(grid: Version) -> list[Version]:
     """Make the versions that show the error of a continued spectrum.
 
-    In `OTHER_PHASES` versions the continued waves have other random phases. One more version lacks the shortest octave
-    of waves. The list is empty if the spectrum is not continued.
+    In the first versions, `OTHER_PHASES` in number, the continued waves have other random phases. In the last version,
+    the shortest octave of waves is removed. The list is empty if the spectrum of the surface was not continued.
     """
     continued = grid.continuation
     if continued is None:
@@ -190,9 +191,9 @@ def continued_versions(grid: Version) -> list[Version]:
 
 
 def kept_slope(version: Version) -> float:
-    """Return the ratio of the rms slope of the surface to the slope that it would have with its missing waves.
+    """Return the rms slope of the surface, divided by the rms slope that it would have with its missing waves.
 
-    It is 1 if the missing waves do not matter.
+    The result is 1 if the missing waves do not matter.
     """
     return version.conditioning.kept_slope if _lacks_waves(version) else 1.0
 
@@ -203,15 +204,17 @@ def _lacks_waves(version: Version) -> bool:
 
 
 def _reduced(version: Version, surface: Surface) -> Version:
-    """Make the version of the input with a coarser surface, the same cells, and the first few realisations.
+    """Make the version of the input with a coarser surface, divided into the same cells, and with fewer realisations.
 
-    The realisations have the same cells in the same tiles as the first ones of the run, with which they are compared.
+    The realisations of this version are compared with the first realisations of the run. Both have the same cells in
+    the same tiles.
     """
     sampling = version.sampling
     if sampling is not None:
         cut, tiles = version.cut_and_tiles
-        n_enough = ceil(_SURFACES * prod(cut.shape) / tiles.count)
-        count = min(sampling.realisations or FEWEST_SEALS, _MOST_REALISATIONS, n_enough)
+        count_with_enough_tiles = ceil(_SURFACES * prod(cut.shape) / tiles.count)
+        count = sampling.realisations or FEWEST_SEALS
+        count = min(count, _MOST_REALISATIONS, count_with_enough_tiles)
         sampling = replace(sampling, realisations=count, median_fields=False)
     methods = frozenset(solved_study(study).name for study in version.studies)
     scene = replace(version.scene, surface=surface)
@@ -221,9 +224,10 @@ def _reduced(version: Version, surface: Surface) -> Version:
 
 @dataclass(frozen=True, eq=False)
 class VersionLeakage:
-    """Hold the leakage of one study of a version.
+    """Hold the leakage that a study computed for a modified version of the input.
 
-    leakage : leakage at every step (steps,) [m²/s]. realisations : number of realisations; None if the study has none.
+    leakage : leakage at every step (steps,) [m²/s].
+    realisations : number of realisations; None if the study has no realisations.
     """
 
     leakage: Array
@@ -231,7 +235,7 @@ class VersionLeakage:
 
 
 def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage]:
-    """Solve the studies of a version, and return their leakage by key. Studies that fail are left out."""
+    """Solve the studies of a version, and return their leakage by the key of the study. Failed studies are left out."""
     leakages: dict[str, VersionLeakage] = {}
     for study in version.solved_studies:
         try:
@@ -247,17 +251,17 @@ def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage
 
 
 def leakage_of(result: Any) -> Array:
-    """Return the leakage of a study at every step (steps,) [m²/s]; that of a stochastic study is its median."""
+    """Return the leakage of a study at every step (steps,) [m²/s]; for a stochastic study, this is the median."""
     return study_of_result(result).leakage(result)
 
 
 def compare_leakage(
     result: Any, version: Version, solved: Mapping[str, VersionLeakage]
 ) -> CoarserSolution:
-    """Compare the leakage of a coarser version with the result of a study.
+    """Compare the leakage of a coarser version of the input with the result of a study.
 
-    solved : leakages of the version by the key of the study. If that of this study is missing, the compared leakage is
-        NaN.
+    solved : leakage of each study of this version, by the key of the study. If the study is missing because it failed,
+        the leakage of the coarser solution is NaN.
     """
     points, slope = version.scene.surface.shape, version.scene.surface.rms_slope
     solution = solved.get(solved_study(study_of_result(result)).key)
@@ -265,6 +269,6 @@ def compare_leakage(
         return CoarserSolution(points, np.full(len(version.scene.steps), np.nan))
     if not isinstance(result, StochasticResult):
         return CoarserSolution(points, solution.leakage, rms_slope=slope)
-    # the first realisations of the study have the same cells in the same tiles as those of the version
+    # the first realisations of the study have the same cells in the same tiles as the realisations of the version
     same_seals = replace(result, leakage=result.leakage[: solution.realisations])
     return CoarserSolution(points, solution.leakage, leakage_of(same_seals), slope)

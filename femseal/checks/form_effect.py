@@ -38,7 +38,7 @@ _CONTACT_RTOL, _FLOW_RTOL = 1e-3, 1e-2
 
 @dataclass(frozen=True, eq=False)
 class FormEffect:
-    """Permeability of a measured patch with its curvature, without it, and without its longest waves.
+    """Hold the permeability of a measured patch as it is, without its curvature, and without its longest waves.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class FormEffect:
         Permeability of the patch without its tilt, of the patch without its curvature, and of the patch without waves
         longer than `longest` [m³]. NaN where a solver failed.
     height : float
-        Height of the curved form from its lowest to its highest point [m].
+        Height of the curvature: distance from its lowest to its highest point [m].
     radii : tuple of two float
         Radii of curvature along x1 and x2 [m]. With several patches, height and radii are those of the shortest patch.
     longest : float
@@ -68,8 +68,9 @@ class FormEffect:
     def changes(self) -> Array:
         """Effects of the curvature and of the long waves on the leakage (2, loads).
 
-        Each is the logarithm of the ratio of the leakage of the patch to that without its curvature or without its long
-        waves. It is NaN if both surfaces are sealed.
+        The effect of the curvature is ln(Q/Q_c), with the leakage Q of the patch and its leakage Q_c without curvature.
+        The effect of the long waves is ln(Q/Q_w), with its leakage Q_w without long waves. Both are NaN where the two
+        leakages are 0.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.permeability[0] / self.permeability[1:]
@@ -101,8 +102,8 @@ class FormEffect:
         pressures : array, (steps,)
             Nominal pressures [Pa].
         long_waves : bool
-            False for the effect of the curvature, True for the larger of the effects of the curvature and of the long
-            waves.
+            False to return the effect of the curvature. True to return the effect of the curvature or of the long
+            waves, whichever is larger.
 
         Returns
         -------
@@ -167,29 +168,37 @@ def solve_form_effect(
     loads : str
         Lowest and highest pressure as text, by default made from `pressures`.
     """
+    # A single patch gets 128 points along its longer side. The pixels of n patches are √n times as large, so that all
+    # patches together have as many points.
     pixel = max(patch.shortest_patch.size) / _POINTS * sqrt(len(patch.patches))
     n1, n2 = (max(_FEWEST_POINTS, round(side / pixel)) for side in patch.size)
     coarse = patch.resample((min(n1, patch.shape[0]), min(n2, patch.shape[1])))
     shortest = coarse.shortest_patch
     longest = min(shortest.size) / 2
-    versions = (coarse, coarse.detrend(2), coarse.high_pass(longest))
-    kept_slope = coarse.rms_slope / patch.rms_slope
-    permeability = []  # (load, version)
+    surfaces = (coarse, coarse.detrend(2), coarse.high_pass(longest))
+    permeability = []  # (load, surface)
     for pressure in pressures:
-        solved = [_permeability(surface, modulus, law, pressure, boundary) for surface in versions]
-        if not all(solved):  # a version is sealed, that is, its permeability is 0
-            lower = pressure * kept_slope
-            solved = [_permeability(surface, modulus, law, lower, boundary) for surface in versions]
+        solved = [_permeability(surface, modulus, law, pressure, boundary) for surface in surfaces]
+        if not all(solved):
+            # One of the surfaces is sealed, with the permeability 0. The coarse surface has a smaller slope than the
+            # patch, and so is sealed at a lower pressure. Solve all of them again at a pressure reduced like the slope.
+            reduced = pressure * (coarse.rms_slope / patch.rms_slope)
+            solved = [
+                _permeability(surface, modulus, law, reduced, boundary) for surface in surfaces
+            ]
         permeability.append(solved)
     form = fit_form(shortest.heights, shortest.size, 2)
-    first_radius, _, second_radius = (1 / max(abs(c), 1e-12) for c in form.curvatures)
+    # the curvatures are ∂²z/∂x1², ∂²z/∂x1∂x2 and ∂²z/∂x2²
+    curvature_1, _, curvature_2 = form.curvatures
+    radii = 1 / max(abs(curvature_1), 1e-12), 1 / max(abs(curvature_2), 1e-12)
     if not loads:
-        loads = " to ".join(dict.fromkeys(to_text(pressures[n], "Pa", 3) for n in (0, -1)))
+        ends = [to_text(pressure, "Pa", 3) for pressure in (pressures[0], pressures[-1])]
+        loads = " to ".join(dict.fromkeys(ends))  # one text if both ends are equal
     return FormEffect(
         pressures=np.array(pressures),
         permeability=np.array(permeability).T,
         height=float(np.ptp(form.heights)),
-        radii=(first_radius, second_radius),
+        radii=radii,
         longest=longest,
         loads=loads,
     )
@@ -202,7 +211,7 @@ def _permeability(
     pressure: float,
     boundary: tuple[str, str],
 ) -> float:
-    """Compute the mean permeability of the patches of a surface [m³]; NaN if a solver fails."""
+    """Compute the mean permeability of the patches of a surface under a pressure [m³]; NaN if a solver fails."""
     permeability = []
     for patch in surface.patches:
         half_space = HalfSpace(patch.shape, patch.spacing, modulus, boundary)

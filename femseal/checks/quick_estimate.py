@@ -1,7 +1,7 @@
 """Estimate contact and leakage from the spectrum of a surface by Persson's theory, without a numerical solution.
 
-The estimate is a forecast for a case, and a plausibility check of a computed leakage. The leakage is computed as
-between two parallel plates, whose distance is the gap of the critical junction, see `analytic.critical_junction`.
+The estimate is a forecast for a case, and a plausibility check of a computed leakage. The leakage is computed as the
+flow between two parallel plates, whose distance is the gap of the critical junction, see `analytic.critical_junction`.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _FORM_DEGREE = 4
 
 @dataclass(frozen=True, eq=False)
 class QuickEstimate:
-    """Estimated contact and leakage of a surface at several loads. All values are NaN where unknown.
+    """Hold the estimated contact and leakage of a surface at several loads; values are NaN where unknown.
 
     Attributes
     ----------
@@ -133,9 +133,9 @@ def estimate_surface(
     surface : Topography or Patches
         Heights of the combined surfaces, without undefined points.
     modulus : float or pair of bodies
-        Contact modulus E* [Pa], or the two bodies. The modulus of coated bodies is the root mean square over the slopes
-        of the waves, because Persson's theory sums the squares of slope times modulus over all waves (Persson, Surf.
-        Sci. Rep. 61, 2006, 201, which treats a modulus that depends on the wave in its section 5).
+        Contact modulus E* [Pa], or the two bodies. The modulus of coated bodies depends on the wavelength. Its root
+        mean square over all waves is used, weighted by the mean square slope of each wave, because Persson's theory
+        contains the sum of (slope × modulus)² over all waves (Persson, Surf. Sci. Rep. 61, 2006, 201, section 5).
     hardness : float
         Hardness H [Pa], infinite for an elastic surface.
     pressures : sequence of float or array, (loads,)
@@ -147,14 +147,15 @@ def estimate_surface(
         wave_numbers, mean_squares = _spectrum_in_bands(patch)
         if not wave_numbers.size:
             continue
-        mean_modulus_of_patch = _mean_modulus(modulus, wave_numbers, mean_squares)
+        patch_modulus = _mean_modulus(modulus, wave_numbers, mean_squares)
         slopes = patch.rms_slopes
         closing = CLOSING_AREA * 2 * slopes[1] / sum(slopes)
         for load, pressure in enumerate(pressures):
             if pressure > 0:
+                # contact fraction, gap of the critical junction, and mean gap
                 junctions[n, load] = critical_junction(
                     pressure,
-                    mean_modulus_of_patch,
+                    patch_modulus,
                     wave_numbers,
                     mean_squares,
                     hardness=hardness,
@@ -162,8 +163,9 @@ def estimate_surface(
                 )
     widths = [patch.shape[1] for patch in patches]
     area, _, mean_gap = np.average(junctions, axis=0, weights=widths).T
-    # The permeabilities of the patches are averaged. They are proportional to the third power of the gap.
-    gap = np.cbrt(np.average(junctions[..., 1] ** 3, axis=0, weights=widths))
+    # The permeabilities of the patches are averaged. They are proportional to the third power of the critical gap.
+    critical_gap = junctions[..., 1]
+    gap = np.cbrt(np.average(critical_gap**3, axis=0, weights=widths))
     return QuickEstimate(area, gap, mean_gap, np.full(len(pressures), nan))
 
 
@@ -199,7 +201,7 @@ def estimate_scene(scene: Scene, unit_leakage: float | None = None) -> QuickEsti
 
 
 def _has_form(patch: Topography) -> bool:
-    """Return whether a smooth profile along one axis, such as a crown, has most of the variance of the heights."""
+    """Return whether most of the variance of the heights is due to a smooth profile along one axis, such as a crown."""
     heights = patch.heights - patch.heights.mean()
     variance = heights.var()
     for axis in (0, 1):
@@ -214,22 +216,28 @@ def _has_form(patch: Topography) -> bool:
 
 
 def mean_modulus(scene: Scene) -> float:
-    """Compute the root mean square of the contact modulus over the waves of a surface, weighted by slope [Pa]."""
+    """Compute the contact modulus of a scene [Pa]; for coated bodies, it is a root mean square over all waves.
+
+    Each wave of the surface is weighted by its mean square slope.
+    """
     if isinstance(scene.modulus, float):
         return scene.modulus
-    waves, powers = _spectrum_in_bands(scene.surface.patches[0])
-    return _mean_modulus(scene.modulus, waves, powers) if waves.size else scene.surface_modulus
+    wave_numbers, mean_squares = _spectrum_in_bands(scene.surface.patches[0])
+    if not wave_numbers.size:
+        return scene.surface_modulus
+    return _mean_modulus(scene.modulus, wave_numbers, mean_squares)
 
 
-def _mean_modulus(modulus: float | Bodies, waves: Array, powers: Array) -> float:
+def _mean_modulus(modulus: float | Bodies, wave_numbers: Array, mean_squares: Array) -> float:
     """Compute the root mean square of the contact modulus [Pa] over waves, weighted by their mean square slopes.
 
-    waves : wave number of each wave [rad/m]. powers : its mean square height [m²].
+    wave_numbers : wave number of each wave [rad/m].
+    mean_squares : mean square height of each wave [m²].
     """
     if isinstance(modulus, float):
         return modulus
-    square_slopes = powers * waves**2
-    square_modulus = modulus_of_waves(modulus, waves) ** 2
+    square_slopes = mean_squares * wave_numbers**2
+    square_modulus = modulus_of_waves(modulus, wave_numbers) ** 2
     return float(np.sqrt(square_modulus @ square_slopes / square_slopes.sum()))
 
 
@@ -240,9 +248,9 @@ def _spectrum_in_bands(patch: Topography) -> tuple[Array, Array]:
     are scaled so that the bands have the rms slope of the patch.
     """
     q, density = patch.radial_psd()
-    starts = np.unique(np.geomspace(1, q.size, _BANDS).astype(int)) - 1
-    # Moments of the isotropic spectrum up to a constant factor: ∫ C q dq is the mean square height, and ∫ C q³ dq the
-    # mean square slope.
+    starts = np.unique(np.geomspace(1, q.size, _BANDS).astype(int)) - 1  # first index of each band
+    # Moments of the isotropic spectrum in each band, up to a constant factor: ∫ C q dq is the mean square height, and
+    # ∫ C q³ dq the mean square slope.
     height_moment = np.add.reduceat(density * q**1, starts)
     slope_moment = np.add.reduceat(density * q**3, starts)
     is_significant = slope_moment > _ROUNDING * slope_moment.sum()

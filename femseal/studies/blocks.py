@@ -1,11 +1,11 @@
 """Solve a surface block by block, if it is too large for the memory of the machine.
 
 The surface is divided into blocks, and its heights into short and long waves. The contact of each block is solved with
-its short waves alone. The waves longer than two cells form a coarse surface with one point for each cell. The contact
-of this coarse surface gives the pressure of every cell, with the short waves of the blocks as a compliant rough layer.
-Each cell then takes the permeability that its block has at this pressure, less the share of the load that the fluid
-carries there. The leakage is that of the flow through all cells, in their order on the surface. No more than one block
-needs to be in memory at a time.
+its short waves alone. The waves longer than two cells form a coarse surface with one point for each cell. In the
+contact of this coarse surface, the short waves of the blocks act as a compliant rough layer. This contact gives the
+pressure of every cell. If the fluid carries a part of this pressure, the contact of the cell carries the rest. The
+permeability of each cell is taken from the contact of its block at the latter pressure. Finally, the flow through all
+cells, in their order on the surface, gives the leakage. No more than one block needs to be in memory at a time.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class BlocksResult(Shown):
     leakage : array
         Leakage per unit seal length [m²/s], one value for each load step. It is NaN where a flow failed.
     counts : SolveCounts
-        Numbers of flows through cells that were solved, in all contact states of the blocks.
+        Number of linear systems that each solver solved for the cells, in all contact states of the blocks.
     patch_state : PatchState
         Contact states of the whole surface, which determine the width of the 95 % interval.
     failures : tuple of str
@@ -104,7 +104,7 @@ class BlocksResult(Shown):
 
     @property
     def cells(self) -> BlocksResult:
-        """This result, which has the fields of its cells itself. Other studies have a separate object for them."""
+        """The same result, because it contains the fields of the cells. Other studies have a separate object."""
         return self
 
 
@@ -198,14 +198,21 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
 
 
 def check_blocks(scene: Scene, blocks: Shape) -> None:
-    """Raise InputError if a scene cannot be solved with these numbers of blocks."""
+    """Raise InputError if a scene cannot be divided into these numbers of blocks along x1 and x2."""
     for points, count in zip(scene.surface.shape, blocks, strict=True):
         if count < 1 or points % (count * CELLS) or points // (count * CELLS) < FEWEST_POINTS:
-            expected = f"numbers of which {CELLS} times divide the points into parts of at least {FEWEST_POINTS}"
+            expected = (
+                f"numbers of blocks whose {CELLS} × {CELLS} cells divide the points evenly, with at least "
+                f"{FEWEST_POINTS} points along each side of a cell"
+            )
             given = "{} × {} of {} × {} points".format(*blocks, *scene.surface.shape)
             raise InputError("blocks", given, expected)
     if isinstance(scene.surface, Patches):
-        raise InputError("blocks", "several patches", "one face: each patch is solved by itself")
+        raise InputError(
+            "blocks",
+            "several patches",
+            "a single patch, as several patches are not divided further",
+        )
     if scene.traps_liquid:
         raise InputError("fluid_pressure", "'trapped' with blocks", "'acts'")
     if scene.flow.spiral is not None:
@@ -213,9 +220,9 @@ def check_blocks(scene: Scene, blocks: Shape) -> None:
 
 
 def blocks_of(cells: Shape | None) -> Shape:
-    """Return the numbers of blocks into which a surface with the given numbers of cells is divided.
+    """Return the numbers of blocks along x1 and x2 into which a surface with these numbers of cells is divided.
 
-    Raises InputError if a number of cells is not a multiple of 4, the number of cells along a side of a block.
+    Each block has 4 × 4 cells. Raises InputError if one of the numbers of cells is not divisible by 4.
     """
     if cells is None or any(count % CELLS for count in cells):
         raise InputError("cells", cells, f"multiples of {CELLS}, the cells of a block")
@@ -223,10 +230,10 @@ def blocks_of(cells: Shape | None) -> Shape:
 
 
 def usual_blocks(points: Shape) -> Shape:
-    """Choose the smallest numbers of blocks with at most 1024 points along a side.
+    """Choose the smallest numbers of blocks for which a block has at most 1024 points along a side.
 
-    The points along each axis must divide evenly into blocks, and those of a block into its cells. Where no number of
-    blocks does that, two blocks are returned, which `check_blocks` then rejects.
+    The points along each axis must divide evenly into blocks, and the points of a block evenly into its cells. If this
+    is not possible along an axis, two blocks are returned for this axis; `check_blocks` then raises an error.
     """
     counts = []
     for n in points:
@@ -251,7 +258,7 @@ def _split(scene: Scene, blocks: Shape, position: tuple[int, ...]) -> tuple[Scen
     Returns
     -------
     scene : Scene
-        The block with its short waves alone. It continues as its mirror image at all sides.
+        The block with its short waves alone, continued as a mirror image at all sides.
     long_waves : array (CELLS, CELLS), m
         Heights of the long waves, averaged over each cell.
     """
@@ -270,7 +277,7 @@ def _split(scene: Scene, blocks: Shape, position: tuple[int, ...]) -> tuple[Scen
 
 
 def _cells_of_block(values: Array, position: tuple[int, ...]) -> Array:
-    """Return a view (…, CELLS, CELLS) of the values of all cells (…, rows, columns), for the cells of one block."""
+    """Return a view (…, CELLS, CELLS) of the cells of one block, from the values of all cells (…, rows, columns)."""
     rows, columns = (slice(i * CELLS, (i + 1) * CELLS) for i in position)
     return values[..., rows, columns]
 
@@ -281,7 +288,7 @@ def _layer(block: Scene) -> RoughLayer:
 
 
 def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[RoughLayer]) -> Array:
-    """Solve the contact of the coarse surface, whose cells have the rough layers of their blocks.
+    """Solve the contact of the coarse surface, in which every cell has the rough layer of its block.
 
     Parameters
     ----------
@@ -307,7 +314,7 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
         layers[0],
         separation=np.concatenate([layer.separation for layer in layers]),
         recovery=np.concatenate([layer.recovery for layer in layers]),
-        # the layer of each cell is that of its block
+        # every cell has the layer of its block: repeat the number of each block for its CELLS × CELLS cells
         surface_number=block_numbers.repeat(CELLS, axis=0).repeat(CELLS, axis=1).ravel(),
     )
     cells = ContactPoints(
@@ -319,7 +326,17 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
 
 @dataclass(frozen=True, eq=False)
 class _SolvedBlock:
-    """Permeabilities of the cells of a block (fluid pressures, 2, steps, cells) [m³], and its contact states."""
+    """Hold the solution of a block.
+
+    Parameters
+    ----------
+    k : array (fluid pressures, 2, steps, cells), m³
+        Permeabilities of the cells along x1 and x2.
+    counts : SolveCounts
+        Number of linear systems that each solver solved for the cells.
+    state : PatchState
+        Contact states of the block.
+    """
 
     k: Array
     counts: SolveCounts
@@ -335,15 +352,18 @@ def _solve_block_cells(block_and_pressure: tuple[Scene, Array]) -> _SolvedBlock:
     steps = block.steps
     cut = Cut.of(block.surface, (CELLS, CELLS))
     fluid = TileFluid.of(block)
-    # one pressure path for each cell; if the fluid acts on the surface, also one for each fluid pressure
+    # (step, path): one pressure path for each cell, or, if the fluid acts on the surfaces, for each cell and each fluid
+    # pressure
     paths = fluid.effective_pressures(pressure.reshape(len(steps), -1))
     tabulated = choose_tabulated_pressures(paths, steps, block.law.is_elastic, _SPACING_FACTOR)
     cells = solve_cells_at_pressures(block, cut, tabulated, map, block.boundary)
     k_on_paths = fluid.select_matching_reliefs(interpolate_along_paths(cells, paths, steps))
-    # each cell is needed on its own path only: path n belongs to cell n
+    # The last two axes are (path, cell). Path n is the pressure of cell n, so that only the diagonal is needed.
     cell = np.arange(CELLS**2)
     k = k_on_paths[..., cell, cell]  # (fluid pressure, axis, step, cell)
-    state = PatchState.of(steps, cells, paths.mean(axis=1), np.full(len(steps), np.nan))
+    mean_pressure = paths.mean(axis=1)
+    unknown = np.full(len(steps), np.nan)  # the open leakage is computed for the whole surface
+    state = PatchState.of(steps, cells, mean_pressure, unknown)
     return _SolvedBlock(k, cells.counts, state)
 
 
@@ -359,9 +379,11 @@ def _surface_state(scene: Scene, blocks: list[PatchState], gap: Array) -> PatchS
     blocks : list of PatchState
         Contact states of the blocks.
     gap : array (steps, rows, columns), m
-        Mean gap of all cells.
+        Mean gap of each cell.
     """
-    # With equal dissipation D of n blocks, Σd² of a block is D²/carriers, and (Σd)² of the surface is (n D)².
+    # The number of carriers is N = (Σd)²/Σd², where d is the dissipation in each part of a block. Let every one of the
+    # n blocks dissipate D in total. Then Σd² of a block with N carriers is D²/N, and (Σd)² of the whole surface is
+    # (n D)², so that the surface has n²/Σ(1/N) carriers.
     reciprocals = [1 / np.nan_to_num(block.carriers, nan=1.0) for block in blocks]
     carriers = len(blocks) ** 2 / np.sum(reciprocals, axis=0)
     contact_fraction = np.mean([block.contact_fraction for block in blocks], axis=0)

@@ -1,4 +1,4 @@
-"""Solve contact states of a surface at tabulated pressures, and the flow through its cells and measured patches."""
+"""Solve the contact of a surface at tabulated pressures, and the flow through its cells and its measured patches."""
 
 from __future__ import annotations
 
@@ -53,14 +53,13 @@ _SAME = 1e-3
 
 @dataclass(frozen=True, repr=False)
 class PatchLeakage(Shown):
-    """Hold the leakage of measured patches, each alone and in combination; it is NaN where the flow failed.
+    """Hold the leakage of each measured patch alone, and the leakage without each patch; NaN where the flow failed.
 
     Parameters
     ----------
     selections : array (patches, steps) or (2 × patches, steps), m²/s
-        Leakage of selections of patches. The first rows are those of single patches, continued periodically. If there
-        are at least three patches, as many rows follow. They are those of all patches but one, side by side, where one
-        patch after the other is left out.
+        The first rows contain the leakage of each patch alone, continued periodically. With at least three patches, one
+        more row follows for each patch: the leakage of all other patches, side by side, without this patch.
     """
 
     selections: Array = field(metadata={"unit": "m^2/s"})
@@ -94,8 +93,8 @@ class PatchLeakage(Shown):
 
     @property
     def without(self) -> Array | None:
-        """Leakage of all patches but one, for each patch left out (patches, steps) [m²/s]; None for two patches."""
-        # With fewer than three patches there are no such rows; half of the rows is then less than `FEWEST`.
+        """Leakage of all other patches without each patch (patches, steps) [m²/s]; None for two patches."""
+        # With fewer than three patches there are no such rows, and half of the rows are fewer than `FEWEST`.
         patches = len(self.selections) // 2
         return self.selections[patches:] if patches >= FEWEST else None
 
@@ -103,7 +102,7 @@ class PatchLeakage(Shown):
     def relative(self) -> Array:
         """Ratio of the leakage of each patch to the mean of all patches (patches,).
 
-        The ratio is averaged over the loads, without those whose leakage is negligible. It is 0 if no patch leaks.
+        The ratio is averaged over the loads at which the leakage is not negligible. It is 0 if no patch leaks.
         """
         mean = self.alone.mean(axis=0)
         is_counted = mean > least_counted(mean)
@@ -122,7 +121,7 @@ class PatchLeakage(Shown):
 def permeabilities_of_patches(
     widths: tuple[int, ...], spacing: Pair, settings: FlowSettings, gap: Floats
 ) -> Array:
-    """Compute the permeability of each measured patch, and of all patches but one, for `PatchLeakage`.
+    """Compute the permeability of each measured patch alone, and of the other patches without it, for `PatchLeakage`.
 
     Parameters
     ----------
@@ -131,29 +130,32 @@ def permeabilities_of_patches(
     spacing : (float, float), m
         Spacing of the points.
     settings : FlowSettings
-        How the flow is solved.
+        Settings of the flow solver.
     gap : array (n1, n2), m
         Gap of all patches, which lie side by side.
 
     Returns
     -------
     array (patches,) or (2 × patches,), m³
-        Permeability of each patch alone, followed by that of all patches but one if there are at least three. It is
-        NaN where the flow failed.
+        Permeability of each patch alone. With at least three patches, the permeability of all other patches without
+        each patch follows. Values are NaN where the flow failed.
     """
     patches = split_patches(gap, widths)
     selections = [[patch] for patch in patches]
     if len(patches) >= FEWEST:
-        selections += [[*patches[:n], *patches[n + 1 :]] for n in range(len(patches))]
-    gaps = (np.concatenate(selection, axis=1) for selection in selections)
-    return np.array(
-        [attempt(solve_surface_flow, gap, spacing, settings).permeability for gap in gaps]
-    )
+        for left_out in range(len(patches)):
+            selections.append([*patches[:left_out], *patches[left_out + 1 :]])
+    permeabilities = []
+    for selection in selections:
+        joined_gap = np.concatenate(selection, axis=1)
+        flow = attempt(solve_surface_flow, joined_gap, spacing, settings)
+        permeabilities.append(flow.permeability)
+    return np.array(permeabilities)
 
 
 @dataclass(frozen=True, eq=False)
 class FaceCells:
-    """Hold the cells of a surface at every step of a load programme. Values are NaN where a flow failed.
+    """Hold the fields of the cells of a surface at every step of a load programme; NaN where a flow failed.
 
     Parameters
     ----------
@@ -168,7 +170,7 @@ class FaceCells:
     patches : PatchLeakage, optional
         Leakage of each measured patch; None if there is only one patch.
     counts : SolveCounts
-        Numbers of flows through cells that were solved.
+        Number of linear systems that each solver solved for the flow through the cells.
     pressure, mean_gap, contact_fraction, plastic_fraction : array (steps, m1, m2)
         Contact pressure [Pa], gap [m], contact fraction and fraction of points at the hardness, averaged over each
         cell.
@@ -179,11 +181,11 @@ class FaceCells:
     cells_leakage : array (steps,), m²/s
         Leakage of the grid of cells, in their order on the surface.
     carriers : array (steps,)
-        Number of blocks that effectively carry the flow through the surface, see `participation_number`; NaN where
-        nothing flows.
+        Effective number of blocks of one short wave that carry the flow through the surface, see
+        `participation_number`; NaN where nothing flows.
     surface_k2, cells_k2 : array (steps,), m³
         Permeability along x2 of the whole surface and of the grid of cells. Both are means over the measured patches.
-        They are NaN if the cells stay in order, because only cells at random need them.
+        They are only computed if cells are put together at random, and NaN otherwise.
     failures : tuple of str
         One line for each flow that failed.
     unsolved : tuple of (int, str)
@@ -270,7 +272,7 @@ class FaceCells:
 
     @property
     def corrected_k(self) -> Array:
-        """Permeabilities `k` of the cells, multiplied by the correction factor of each axis and state."""
+        """Permeabilities `k` of the cells, multiplied by the correction factor for their axis and contact state."""
         axis_factors = np.stack([self.factor, self.factor_k2])  # (axis, step)
         return self.k * axis_factors[:, :, None, None]
 
@@ -300,12 +302,11 @@ def solve_cells_at_pressures(
     dry = scene.dry(boundary=boundary)
     # in every study, the flow along x1 is periodic along x2
     flow_boundary = "periodic" if boundary[0] == "periodic" else "free", "periodic"
+    cell_flow = replace(scene.flow, spiral=None)  # spiral grooves belong to the seal, not to cells
     take = partial(
         _solve_cells_of_state,
         cut=cut,
-        flow=replace(
-            scene.flow, spiral=None
-        ),  # spiral grooves belong to the seal, not to its cells
+        flow=cell_flow,
         widths=scene.surface.widths,
         blocks=blocks_of_one_wave(scene.surface),
         boundary=flow_boundary,
@@ -329,24 +330,25 @@ def _solve_cells_of_state(
     patch_k = None
     if len(widths) > 1:
         patch_k = permeabilities_of_patches(widths, cut.spacing, flow, gap)
-    along_x1 = attempt(solve_surface_flow, gap, cut.spacing, flow, flow_sides(boundary[1]))
+    flow_along_x1 = attempt(solve_surface_flow, gap, cut.spacing, flow, flow_sides(boundary[1]))
     carriers = np.nan
-    if isinstance(along_x1, FaceFlow):
-        dissipation = drop_fractions(gap, cut.spacing, along_x1.potential, flow)
+    if isinstance(flow_along_x1, FaceFlow):
+        dissipation = drop_fractions(gap, cut.spacing, flow_along_x1.potential, flow)
         carriers = participation_number(dissipation, blocks)
-    along_x2 = attempt(
+    surface_k2 = attempt(
         permeability_along_x2, gap, widths, cut.spacing, flow, flow_sides(boundary[0])
     )
     failures = cells.failures
-    if isinstance(along_x2, Failed):
-        failures = (*failures, f"whole surface, x2: {along_x2.reason}")
+    if isinstance(surface_k2, Failed):
+        failures = (*failures, f"whole surface, x2: {surface_k2.reason}")
+        surface_k2 = np.nan
     return replace(
         cells,
-        surface_k1=along_x1.permeability,
-        surface_k2=np.nan if isinstance(along_x2, Failed) else along_x2,
+        surface_k1=flow_along_x1.permeability,
+        surface_k2=surface_k2,
         patches=patch_k,
         failures=failures,
-        flow_failure=getattr(along_x1, "reason", ""),
+        flow_failure=getattr(flow_along_x1, "reason", ""),
         carriers=carriers,
     )
 
@@ -424,34 +426,37 @@ def choose_tabulated_pressures(
 ) -> LoadProgramme:
     """Choose the tabulated pressures at which the cells are solved and between which they are interpolated.
 
-    On loading, they range from the lowest to the highest pressure of the paths, and their cube roots have equal
-    distances. The cells are unloaded from some of the peaks of the paths.
+    On loading, the pressures range from the lowest to the highest pressure of the paths, and their cube roots are
+    evenly spaced. The pressure from which a path is unloaded is its peak. A few of all peaks are chosen. They are added
+    to the pressures on loading, and the cells are unloaded from each of them.
 
     Parameters
     ----------
     paths : array (steps, paths), Pa
-        Nominal pressures of the paths.
+        Pressures of the paths.
     steps : LoadProgramme
         Load programme of the paths.
     elastic : bool
         True if nothing yields, so that unloading is the same as loading.
     spacing_factor : int
-        Factor on the usual spacing of tabulated pressures and peaks.
+        Factor by which the usual spacing of tabulated pressures and peaks is multiplied.
     """
     peak = local_peaks(paths, steps)  # (step, path)
     unloads = (paths < peak) & (not elastic)
     highest = float(paths.max())
     lowest = max(float(paths.min()), 0.0)
     peaks = _choose_peaks(peak[unloads], spacing_factor)
-    fixed = np.array(peaks)  # pressures on loading that are solved in any case
+    # pressures that must be solved on loading: the peaks and, unless a peak is close to them, both ends of the range
+    required = np.array(peaks)
     for end in (lowest, highest):
-        if (np.abs(end - fixed) > _SAME * fixed).all():
-            fixed = np.append(fixed, end)
+        if (np.abs(end - required) > _SAME * required).all():
+            required = np.append(required, end)
+    # pressures with evenly spaced cube roots, without those that are too close to a required pressure
     first_root = np.cbrt(lowest / highest) if highest > 0 else 0.0
     count = int(np.ceil((1 - first_root) / (spacing_factor * _SPACING))) + 1
-    between = highest * np.linspace(first_root, 1.0, count)[:-1, None] ** 3
-    is_apart = (np.abs(between - fixed) > _NEAR * fixed).all(axis=1)
-    loading = np.union1d(between[is_apart], fixed).tolist()
+    even = highest * np.linspace(first_root, 1.0, count)[:-1, None] ** 3  # (pressure, 1)
+    is_apart = (np.abs(even - required) > _NEAR * required).all(axis=1)
+    loading = np.union1d(even[is_apart], required).tolist()
     # on unloading, down to the first fraction that is not above the deepest unloading of a path
     deepest = (paths[unloads] / peak[unloads]).min(initial=1.0)
     above_deepest = sum(fraction > deepest for fraction in _UNLOADING_FRACTIONS)
@@ -461,7 +466,8 @@ def choose_tabulated_pressures(
 
 
 def _choose_peaks(peaks: Array, spacing_factor: int) -> list[float]:
-    """Choose a few of many peaks, in increasing order and with about equal distances of their cube roots."""
+    """Choose a few of many peaks whose cube roots are about evenly spaced; return them in increasing order."""
+    # leave out peaks that are almost equal to a higher peak
     distinct: list[float] = []
     for peak in np.unique(peaks)[::-1].tolist():  # from the highest to the lowest
         if not distinct or peak * (1 + _NEAR) < distinct[-1]:
@@ -469,18 +475,18 @@ def _choose_peaks(peaks: Array, spacing_factor: int) -> list[float]:
     if len(distinct) < 2:
         return distinct
     values = np.array(distinct[::-1])
-    roots = np.cbrt(values / values[-1])
+    roots = np.cbrt(values / values[-1])  # relative to the highest peak
     count = int(np.ceil((1 - roots[0]) / (spacing_factor * _PEAK_SPACING))) + 1
     count = min(count, _MOST_PEAKS // spacing_factor)
-    wanted = np.linspace(roots[0], 1.0, count)
-    nearest = np.abs(roots - wanted[:, None]).argmin(axis=1)
-    return np.unique(values[nearest]).tolist()
+    even_roots = np.linspace(roots[0], 1.0, count)
+    nearest_peak = np.abs(roots - even_roots[:, None]).argmin(axis=1)
+    return np.unique(values[nearest_peak]).tolist()
 
 
 def interpolate_along_paths(cells: FaceCells, paths: Array, steps: LoadProgramme) -> Array:
     """Interpolate the corrected permeability of every cell at the pressures of every pressure path.
 
-    A pressure path holds the nominal pressure of a tile at each load step.
+    A pressure path contains the pressure of a tile at each load step.
 
     Parameters
     ----------

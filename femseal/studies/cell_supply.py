@@ -1,4 +1,4 @@
-"""Supply the tiles of a seal with the permeabilities of cells, each at the pressure of its tile."""
+"""Provide the permeabilities that the tiles of a seal take from random cells, at the pressure of each tile."""
 
 from __future__ import annotations
 
@@ -32,9 +32,10 @@ REALISATION_RTOL = 3e-4
 
 @dataclass(frozen=True, eq=False)
 class CellSupply:
-    """Permeabilities of all cells, from which every tile of a seal takes one at random.
+    """Hold the permeabilities of all cells; every tile of a seal takes the permeability of a random cell.
 
-    A pressure path is the nominal pressure of a tile at each load step. Tiles with the same pressures share a path.
+    A pressure path contains the nominal pressure of a tile at each load step. Tiles with the same pressures share a
+    path.
 
     Parameters
     ----------
@@ -55,7 +56,8 @@ class CellSupply:
     unsolved : tuple of (int, str)
         Index of each step that has no solution, and the reason.
     added_k : array (steps, tiles), m³, optional
-        Permeability of the gap that the form of the seal opens beyond first touch; None for a seal without form.
+        Increase of the permeability where the form of the seal holds the surfaces apart, see `opening_permeability`;
+        None for a seal without form.
     """
 
     scene: Scene
@@ -80,7 +82,7 @@ class CellSupply:
         return self.tiles.choose_cells(self.cells.cut.shape, np.random.default_rng(stream))
 
     def solve_flow(self, cell_of_tile: Indices, step: int) -> tuple[Any, Any]:
-        """Solve the flow through the seal at a step, for given cells of its tiles (tiles,).
+        """Solve the flow through the seal at a step, if each tile has the cell with the given number (tiles,).
 
         Returns the permeabilities of the elements, and the leakage or the reason why the solver failed.
         """
@@ -108,11 +110,18 @@ class CellSupply:
         return self._interpolate(values, self.scene.steps.pressures[:, None], np.ones(1))
 
     def _interpolate(self, values: Array, paths: Array, weights: Array) -> Array:
-        """Interpolate a quantity of the contact states at each step of pressure paths, and average over the paths.
+        """Interpolate a quantity of the contact states at the pressures of paths, and average it over the paths.
 
-        The mean fluid pressure is taken off the nominal pressures first.
+        The mean fluid pressure is first subtracted from the nominal pressures.
 
-        values : quantity (states,). paths : nominal pressures (steps, paths) [Pa]. weights : of the average (paths,).
+        Parameters
+        ----------
+        values : array (states,)
+            Quantity in each contact state.
+        paths : array (steps, paths), Pa
+            Nominal pressures.
+        weights : array (paths,)
+            Weight of each path in the average; the sum of the weights is 1.
         """
         if self.cells.steps == self.scene.steps:
             return values
@@ -121,9 +130,11 @@ class CellSupply:
         return curves.k_on_paths(contact_pressures, self.scene.steps) @ weights
 
     def patch_state(self, open_leakage: Array) -> PatchState:
-        """Return the contact states of the patch at the nominal pressures, less the mean fluid pressure.
+        """Return the contact states of the patch at each load step, under the mean contact pressure of this step.
 
-        open_leakage : leakage if the gap were everywhere equal to the mean gap of the state, array (steps,), m²/s.
+        The mean contact pressure is the nominal pressure minus the mean fluid pressure.
+
+        open_leakage : leakage of a uniform gap that is equal to the mean gap of the state, array (steps,), m²/s.
         """
         steps = self.scene.steps
         contact_pressures = np.maximum(steps.pressures - mean_relief(self.scene), 0.0)
@@ -141,7 +152,8 @@ def supply_cells(
 ) -> CellSupply:
     """Solve the cells of a surface for the tiles of a seal.
 
-    If the cells stay in order, they are solved at the loads of the scene, else at tabulated pressures.
+    The cells are solved at the load steps of the scene if they stay in order or if all tiles have the pressure of the
+    load steps. Otherwise they are solved at tabulated pressures.
 
     fractions : pressure of each tile, as a fraction of the nominal pressure, array (steps, tiles).
     """
@@ -151,24 +163,27 @@ def supply_cells(
     path_fractions, path_of_tile = distinct_paths(fractions)
     paths = steps.pressures[:, None] * path_fractions  # nominal pressures (step, path)
     fluid = TileFluid.of(scene)
-    effective = fluid.effective_pressures(paths)  # what the contact carries of them
-    is_uniform = effective.shape[1] == 1 and np.array_equal(effective[:, 0], steps.pressures)
-    if is_uniform:
-        # all tiles have the pressure of the load steps, so that nothing is interpolated; there is a single path
+    contact_paths = fluid.effective_pressures(paths)  # contact pressures (step, relief and path)
+    has_single_path = contact_paths.shape[1] == 1
+    if has_single_path and np.array_equal(contact_paths[:, 0], steps.pressures):
+        # all tiles have the pressure of the load steps, so that nothing is interpolated
         cells = solve_cells_at_pressures(scene, cut, steps, mapper)
         k = cells.corrected_k.reshape(*cells.k.shape[:3], 1, -1)
     else:
-        tabulated_steps = choose_tabulated_pressures(effective, steps, scene.law.is_elastic)
+        tabulated_steps = choose_tabulated_pressures(contact_paths, steps, scene.law.is_elastic)
         cells = solve_cells_at_pressures(scene, cut, tabulated_steps, mapper)
-        k = fluid.select_matching_reliefs(interpolate_along_paths(cells, effective, steps))
+        k_on_contact_paths = interpolate_along_paths(cells, contact_paths, steps)
+        k = fluid.select_matching_reliefs(k_on_contact_paths)
     return CellSupply(scene, tiles, cells, k, fluid, path_of_tile, paths, scene.separated_steps)
 
 
 def _supply_in_order(scene: Scene, cut: Cut, tiles: SealTiles, mapper: Mapper) -> CellSupply:
-    """Solve the cells at the loads of the scene; all tiles have the nominal pressure."""
-    # spiral grooves belong to the seal, not to its cells
-    flat = scene if scene.flow.spiral is None else replace(scene, layout=RectangularLayout())
-    cells = cut_into_cells(flat, cut, mapper).cells
+    """Solve the cells at the load steps of the scene, for a seal whose tiles all have the nominal pressure."""
+    # spiral grooves belong to the seal, not to its cells; a rectangular layout has no spiral
+    without_spiral = scene
+    if scene.flow.spiral is not None:
+        without_spiral = replace(scene, layout=RectangularLayout())
+    cells = cut_into_cells(without_spiral, cut, mapper).cells
     assert cells is not None
     k = cells.k.reshape(*cells.k.shape[:3], 1, -1)  # a single path
     fluid = TileFluid(tuple(scene.flow.drop.pressures))

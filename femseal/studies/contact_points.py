@@ -30,16 +30,16 @@ LayerLaw = Callable[[Array], tuple[Array, Array]]
 
 
 class PointSolution(NamedTuple):
-    """Contact of all points under one mean pressure.
+    """Hold the contact of all points under one mean pressure.
 
     Attributes
     ----------
     pressure : array (n,), Pa
         Pressure of each point.
     separation : array (n,), m
-        Distance of the mean planes.
+        Distance between the mean planes of the rough surfaces.
     opening : array (n,), m
-        Excess of this distance over that of first touch; 0 for points in contact.
+        How much larger the separation is than at first touch; 0 for points in contact.
     sunk : array (n,), m
         Permanent displacement of points at which the bodies have yielded.
     """
@@ -51,7 +51,7 @@ class PointSolution(NamedTuple):
 
 
 class ContactPoints:
-    """Points that may touch, on a body that yields at a given pressure.
+    """Solve the contact of points on an elastic body, which yields at a given pressure.
 
     Parameters
     ----------
@@ -64,8 +64,8 @@ class ContactPoints:
     yield_pressure : float, Pa
         Pressure at which the body yields.
     row : array of int (n,), optional
-        Number of the row of each point. The uniform part of the pressure, which all rows have in common, does then not
-        deform the body. By default the whole pressure deforms it.
+        Number of the row of each point. If it is given, the uniform part of the pressure, which every row carries, does
+        not deform the body. By default, the whole pressure deforms the body.
     """
 
     def __init__(
@@ -85,8 +85,8 @@ class ContactPoints:
         middle = body.shape[0] // 2, body.shape[1] // 2
         unit_pressure[middle] = 1.0
         displacement = body.displacement(unit_pressure)
-        # Compliance of a single point, relative to the farthest point because displacements in plane strain are only
-        # known up to a constant.
+        # Compliance of a single point: its displacement relative to the farthest point, because displacements in plane
+        # strain are only known up to a constant.
         self._point_compliance = float(displacement[middle] - displacement.min())
         self._uniform_displacement = self.displacement(np.ones(depth.size))
 
@@ -97,10 +97,10 @@ class ContactPoints:
         return self._product.displacement[self._inside]
 
     def solve(self, layer: LayerLaw, load: float, start: Array, sunk: Array) -> PointSolution:
-        """Solve the contact under a mean pressure.
+        """Solve the contact under a given mean pressure.
 
         The uniform part of the pressure is the smallest mean pressure of a row. It is found by iteration, because the
-        pressures of the rows depend on it.
+        pressures of the rows depend on the uniform part.
 
         Parameters
         ----------
@@ -116,26 +116,29 @@ class ContactPoints:
         if self._row is None or load == 0:
             return self._solve_with_uniform_part(0.0, layer, load, start, sunk)
         row, points_of_row = self._row, np.bincount(self._row)
-        solutions: dict[float, PointSolution] = {}  # by the uniform fraction of the load
+        # solution for each assumed uniform part, as a fraction of the load
+        solution_by_fraction: dict[float, PointSolution] = {}
 
         def excess(uniform_fraction: float) -> float:
-            """Return by which fraction of the load the smallest mean pressure of a row exceeds the uniform part."""
+            """Solve with an assumed uniform part; return (smallest row pressure − uniform part)/load."""
             guess = start
-            if solutions:
-                nearest = min(solutions, key=lambda other: abs(other - uniform_fraction))
-                guess = solutions[nearest].pressure
+            if solution_by_fraction:
+                nearest = min(solution_by_fraction, key=lambda other: abs(other - uniform_fraction))
+                guess = solution_by_fraction[nearest].pressure
             uniform_part = uniform_fraction * load
             solution = self._solve_with_uniform_part(uniform_part, layer, load, guess, sunk)
-            solutions[uniform_fraction] = solution
+            solution_by_fraction[uniform_fraction] = solution
             row_pressure = np.bincount(row, solution.pressure) / points_of_row
             return float(row_pressure.min()) / load - uniform_fraction
 
+        # The uniform part is the root of the excess. It is the whole load if all rows are pressed equally, and 0 if a
+        # row is not in contact.
         uniform_fraction = 1.0
         if excess(1.0) < -_UNIFORM_TOLERANCE:
             uniform_fraction = 0.0
             if excess(0.0) > _UNIFORM_TOLERANCE:
                 uniform_fraction = brentq(excess, 0.0, 1.0, xtol=_UNIFORM_TOLERANCE)
-        return solutions[uniform_fraction]
+        return solution_by_fraction[uniform_fraction]
 
     def _solve_with_uniform_part(
         self, uniform_part: float, layer: LayerLaw, load: float, start: Array, sunk: Array
@@ -146,7 +149,7 @@ class ContactPoints:
         load (Polonsky & Keer, Wear 231, 1999, 206). The preconditioner is the compliance of each point and its layer.
         """
         n = self.depth.size
-        # the convolution below includes the displacement by the uniform part, which is taken off again here
+        # the convolution below includes the displacement by the uniform part, which is subtracted here
         depth = self.depth + sunk - uniform_part * self._uniform_displacement
         touch = layer(np.zeros(n))[0]  # separation at first touch
         yield_pressure = self._yield_pressure
@@ -204,7 +207,10 @@ class ContactPoints:
 
 
 def _scale_to_load(p: Array, is_free: Flags, load: float) -> Array:
-    """Scale the pressures of the free points (or of all in contact if none is free) to the mean pressure `load`."""
+    """Scale the pressures of the free points so that the mean pressure of all points becomes `load`.
+
+    If no point is free, the pressures of all points in contact are scaled.
+    """
     scaled = is_free if is_free.any() else p > 0
     p[scaled] *= max(0.0, load * p.size - p[~scaled].sum()) / p[scaled].sum()
     return p
@@ -218,17 +224,28 @@ def _energy_slope(
     layer: LayerLaw,
     length: float,
 ) -> float:
-    """Compute the derivative of the energy along a direction, at a step length.
+    """Compute the derivative of the energy with respect to the step length, at the pressures p + length · direction.
 
-    It is the scalar product of the direction with the distance of the smooth bodies (at length 0: `distance`), less the
-    separation of the layer.
+    The gradient of the energy is the distance between the smooth bodies minus the separation s of the layer. The
+    derivative is the scalar product of this gradient with the direction.
+
+    Parameters
+    ----------
+    p, direction : array (n,), Pa
+        Pressures at the start of the step, and direction of the step.
+    distance, direction_displacement : array (n,), m
+        Distance between the smooth bodies at the start of the step, and displacement under the pressures `direction`.
+    layer : callable
+        Evaluates the separation s [m] of the layer and ds/dp at pressures (n,) [Pa].
+    length : float
+        Step length.
     """
     separation, _ = layer(p + length * direction)
     return float((distance + length * direction_displacement - separation) @ direction)
 
 
 def solve_steps(points: ContactPoints, steps: LoadProgramme, layer: RoughLayer) -> Array:
-    """Solve points with their rough layer at all load steps.
+    """Solve the contact of points with their rough layer at all load steps.
 
     Returns
     -------
@@ -238,12 +255,12 @@ def solve_steps(points: ContactPoints, steps: LoadProgramme, layer: RoughLayer) 
     solutions: dict[tuple[float, float | None], PointSolution] = {}  # by pressure and peak
     loads = {step.pressure for step in steps if step.unloaded_from is None}
     loads |= {step.unloaded_from for step in steps if step.unloaded_from is not None}
-    pressure = np.zeros(points.depth.size)
+    start = np.zeros(points.depth.size)
     not_sunk = np.zeros(points.depth.size)
     for load in sorted(loads):
-        solution = points.solve(layer.on_loading, load, pressure, not_sunk)
+        solution = points.solve(layer.on_loading, load, start, not_sunk)
         solutions[load, None] = solution
-        pressure = solution.pressure
+        start = solution.pressure
     for step in steps:
         if step.unloaded_from is not None:
             at_peak = solutions[step.unloaded_from, None]
@@ -251,5 +268,8 @@ def solve_steps(points: ContactPoints, steps: LoadProgramme, layer: RoughLayer) 
             law = partial(layer.on_unloading, peak=at_peak.pressure)
             solution = points.solve(law, step.pressure, start, at_peak.sunk)
             solutions[step.pressure, step.unloaded_from] = solution
-    fields_of_steps = [solutions[step.pressure, step.unloaded_from][:3] for step in steps]
-    return np.array(fields_of_steps).swapaxes(0, 1)
+    solution_of_step = [solutions[step.pressure, step.unloaded_from] for step in steps]
+    pressure = [solution.pressure for solution in solution_of_step]
+    separation = [solution.separation for solution in solution_of_step]
+    opening = [solution.opening for solution in solution_of_step]
+    return np.array([pressure, separation, opening])  # (field, step, point)

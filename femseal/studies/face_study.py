@@ -55,7 +55,7 @@ class FaceState:
     solvers : SolveCounts
         Number of linear systems that each solver solved.
     flow_failure : str
-        Reason for the failure, "" without a failure.
+        Reason why the flow solver failed, "" if it did not fail.
     """
 
     gap: Singles
@@ -75,11 +75,12 @@ class FaceState:
 
     @classmethod
     def of(cls, state: LoadState, flow: FlowSettings) -> FaceState:
-        """Solve the flow through the gap of a load step."""
+        """Solve the flow through the gap of a load step, unless it was solved together with the contact."""
         contact = state.contact
         solution: Any  # a flow, or `Failed`
-        if isinstance(contact, CoupledContact):  # its flow was solved together with the contact
-            solution, carried = contact.flow, contact.carried
+        if isinstance(contact, CoupledContact):
+            solution = contact.flow
+            carried = contact.carried
         else:
             solution = attempt(solve_surface_flow, contact.gap, contact.half_space.spacing, flow)
             carried = 0.0
@@ -349,7 +350,7 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
 def state_memory(pixels: float) -> float:
     """Estimate the memory that contact and flow of one step take [byte].
 
-    If multigrid fails, elimination takes more.
+    More memory is needed if multigrid fails and the flow is solved by elimination instead.
     """
     return pixels * (_SOLUTION_BYTES + (_KEPT_BYTES if pixels <= KEPT_POINTS else 0.0))
 
@@ -375,7 +376,8 @@ def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult
     Raises
     ------
     InputError
-        The numbers of cells do not suit the surface, or as `deterministic`.
+        The numbers of cells do not suit the surface; or a spiral lay does not suit the surface, see
+        `Scene.check_spiral`.
     NotConverged
         The contact solver failed. If the flow solver fails, the permeability is NaN and the reason is in `failures`.
 

@@ -2,8 +2,9 @@
 
 The interval is calibrated on whole surfaces. `interval_calibration.csv` contains, for every load step of random scenes,
 the leakage of the whole surface (the truth) and the leakage that was computed from a patch of it. There are four kinds
-of computation. The cells of the patch stay in order ("in order") or are put together at random ("at random"), also in
-seals whose form was measured at points ("with form"). The fourth kind is a surface solved block by block ("by blocks").
+of computation. A seal is made of the cells of the patch, which either stay in order ("in order") or are put together at
+random ("at random"). The third kind is a seal whose form was measured at points ("with form"). The fourth kind is a
+surface that is solved block by block ("by blocks").
 
 Each load step gets a score: the error of ln(leakage), divided by the difficulty of its contact state. The difficulty is
 computed from this contact state alone, without the truth and without the other loads. The distance from a new leakage
@@ -11,9 +12,10 @@ to an end of its interval is a quantile of the scores of its kind, multiplied by
 The lower and the upper end have separate quantiles, because errors in both directions differ in size.
 
 The steps of one scene have similar errors, so only whole scenes can be regarded as independent. Each of the n scenes
-has the weight 1/(n + 1), which is shared by its steps. The remaining weight stands for a new scene and lies beyond all
-scores. If an interval may miss 5 % of the truths, each of its ends then misses at most 2.5 % of the steps of new scenes
-of the same population, whatever the distribution of the errors.
+has the weight 1/(n + 1), which is shared by its steps. The remaining weight 1/(n + 1) represents a new scene, whose
+scores may be higher than all known scores. Now consider intervals that may miss 5 % of the true leakages. In new scenes
+of the same population, each of the two ends is then wrong at no more than 2.5 % of the load steps. This holds for any
+distribution of the errors.
 
 Sources: Vovk, Gammerman & Shafer, Algorithmic Learning in a Random World, 2005 (a quantile for each kind);
 Papadopoulos, Gammerman & Vovk, Neural conformal prediction, 2008 (scores divided by a difficulty); Romano, Patterson &
@@ -78,7 +80,7 @@ def error_of_few_carriers(carriers: Array) -> Array:
 
 @dataclass(frozen=True)
 class Difficulty:
-    """Dependence of the expected error on the contact state, for one kind of computation.
+    """Describe how the expected error depends on the contact state, for one kind of computation.
 
     The distance from ln(leakage) to an end of the interval is proportional to
 
@@ -87,27 +89,27 @@ class Difficulty:
     where N is the number of carriers, A the contact fraction and F the detours of the contact state, see `PatchState`.
     The factors have the following reasons:
 
-    - The fewer blocks carry the flow (N), the less one patch says about others.
-    - In a very light contact, only a few asperities carry the load, so that one patch says less than at a higher load
-      (coefficient l).
-    - The error grows with the contact fraction (coefficient g).
-    - Some channels cross from cell to cell (coefficient d). If the cells stay in order, these channels continue from
-      one copy of the patch to the next, so that the real seal may leak less. If the cells are put together at random,
-      the channels are interrupted, so that the real seal may leak more.
+    - If the flow passes through few blocks (small N), a single patch is less representative of the whole surface.
+    - In a very light contact (small A), only a few asperities carry the load, so that a single patch is less
+      representative than at a higher load (coefficient l).
+    - The error grows with the contact fraction A (coefficient g).
+    - The detours F measure the flow through channels that lead from one cell to the next (coefficient d). If the cells
+      stay in order, these channels continue from one copy of the patch to the next, so that the real seal may leak
+      less. If the cells are put together at random, the channels are interrupted, so that the real seal may leak more.
 
     Parameters
     ----------
     light : float
         Coefficient l of light contacts.
     below, above : float
-        Coefficient g of the contact fraction, for the lower and for the upper end.
+        Coefficient g of the contact fraction: `below` for the lower end of the interval, `above` for the upper end.
     detours_below, detours_above : float
-        Coefficient d of the detours, for the lower and for the upper end.
+        Coefficient d of the detours: the first for the lower end of the interval, the second for the upper end.
     largest_ratio : float
-        Largest ratio of the upper end to the leakage of an open seal. The upper end may however always be up to twice
-        the computed leakage.
+        Limit of the upper end, as a multiple of the leakage of an open seal. If twice the computed leakage is more than
+        that, this is the limit instead.
     fraction : float
-        Fraction of the truths that the calibrated intervals of this kind contain.
+        Fraction of the true leakages that the intervals must contain when they are calibrated.
     """
 
     light: float
@@ -119,13 +121,14 @@ class Difficulty:
     fraction: float
 
     def distances(self, state: PatchState) -> tuple[Array, Array]:
-        """Return the distances from ln(leakage) to the lower and to the upper end (steps,).
+        """Return the distances from ln(leakage) to the lower and to the upper end (steps,), up to a constant factor.
 
-        Each is to be multiplied by the calibrated factor of `IntervalWidths`.
+        The factors are calibrated, see `IntervalWidths`.
         """
         carriers = np.where(np.isnan(state.carriers), _SEALED_CARRIERS, state.carriers)
         detours = np.where(np.isnan(state.detours), _SEALED_DETOURS, state.detours)
         contact = state.contact_fraction
+        # the factors that both ends share, see the formula of the class
         common = error_of_few_carriers(carriers) * (1 + self.light / (contact + 0.003))
         below = common * np.exp(self.below * contact) * (1 + self.detours_below * detours)
         above = common * np.exp(self.above * contact) * (1 + self.detours_above * detours)
@@ -179,16 +182,16 @@ DIFFICULTY = {
 
 @dataclass(frozen=True)
 class IntervalWidths:
-    """Calibrated widths of the intervals of one kind of computation.
+    """Hold the calibrated widths of the intervals of one kind of computation.
 
     Parameters
     ----------
     kind : str
         One of `KINDS`.
     scenes : int
-        Number of scenes of the calibration set that were used.
+        Number of scenes in the calibration set.
     below, above : float
-        Factors by which the distances of `Difficulty.distances` are multiplied, for the lower and the upper end.
+        Factors for the lower and for the upper end, by which the results of `Difficulty.distances` are multiplied.
     """
 
     kind: str
@@ -200,16 +203,17 @@ class IntervalWidths:
     def calibrate(
         cls, kind: str, rows: Sequence[Mapping[str, str]], *, two_patches: bool = False
     ) -> IntervalWidths:
-        """Calibrate the widths of a kind from rows of the calibration set, each of which is a step of a scene.
+        """Calibrate the widths of the intervals of one kind of computation.
 
         Parameters
         ----------
         kind : str
             One of `KINDS`.
         rows : sequence of mapping
-            Rows of this kind.
+            Rows of the calibration set that belong to this kind. Each row is a load step of a scene.
         two_patches : bool
-            True to use the rows that were computed from two patches together, False for those of single patches.
+            True to use only rows that were computed from two patches together, False to use only rows of single
+            patches.
         """
         rows = [row for row in rows if (row["patch"] == _BOTH_PATCHES) == two_patches]
         scene = np.array([row["scene"] for row in rows])
@@ -219,31 +223,31 @@ class IntervalWidths:
         unit_below, unit_above = difficulty.distances(state_of_rows(rows))
         error_below, error_above = distances_to_truth(leakage, truth)
         is_open = leakage > 0
-        level = (
-            1 + difficulty.fraction
-        ) / 2  # each end may miss half of what the interval may miss
+        # the interval may miss the fraction 1 − f of the true leakages, and each of its two ends half of that
+        level = (1 + difficulty.fraction) / 2
         below = weighted_quantile((error_below / unit_below)[is_open], scene[is_open], level)
         above = weighted_quantile((error_above / unit_above)[is_open], scene[is_open], level)
         return cls(kind, np.unique(scene).size, max(0.0, below), max(0.0, above))
 
     def ends(self, leakage: Array, state: PatchState) -> tuple[Array, Array]:
-        """Return the lower and the upper end of the interval (steps,) [m²/s].
+        """Return the lower and the upper end of the interval of the absolute leakage (steps,) [m²/s].
 
-        Both are ends of the interval of |leakage|, because the leakage may be negative. The interval of a sealed state
-        reaches from 0 to the fraction `sealed_end` of the leakage of an open seal.
+        The interval of a sealed state reaches from 0 to `sealed_end` times the leakage of an open seal.
         """
         unit_below, unit_above = DIFFICULTY[self.kind].distances(state)
         q, open_leakage = np.abs(leakage), np.abs(state.open_leakage)
         lower = q * np.exp(-self.below * unit_below)
+        # a lower end that is negligible compared with an open seal means that the seal may be sealed
         lower = np.where(lower < LEAST_TRUTH * open_leakage, 0.0, lower)
+        # the size of a very small leakage says little, so that the upper end is computed from at least `LEAST_KNOWN`
         upper = np.maximum(q, LEAST_KNOWN * open_leakage) * np.exp(self.above * unit_above)
-        highest = np.maximum(DIFFICULTY[self.kind].largest_ratio * open_leakage, 2 * q)
-        upper = np.where(q == 0, sealed_end() * open_leakage, np.minimum(upper, highest))
+        limit = np.maximum(DIFFICULTY[self.kind].largest_ratio * open_leakage, 2 * q)
+        upper = np.where(q == 0, sealed_end() * open_leakage, np.minimum(upper, limit))
         return lower, np.where(np.isnan(q), np.nan, upper)
 
 
 def distances_to_truth(leakage: Array, truth: Array) -> tuple[Array, Array]:
-    """Return how far each end of an interval must be from ln(leakage) for the interval to contain the truth.
+    """Return the smallest distances of both ends from ln(leakage) for which an interval contains the true leakage.
 
     Parameters
     ----------
@@ -253,13 +257,15 @@ def distances_to_truth(leakage: Array, truth: Array) -> tuple[Array, Array]:
     Returns
     -------
     below, above : array (rows,)
-        Smallest distances from ln(leakage) to the lower and to the upper end. At most one of
-        them is positive, because the truth lies either above or below the leakage.
+        Distance of the lower and of the upper end. At most one of them is positive, because the true leakage lies
+        either above or below the computed leakage.
     """
     with np.errstate(divide="ignore"):
-        # A lower end below `LEAST_TRUTH` becomes 0, so that it need not be any further away to contain a smaller truth.
-        nearest = np.where(truth >= LEAST_TRUTH, truth, np.minimum(leakage, LEAST_TRUTH))
-        below = np.log(leakage / np.where(nearest > 0, nearest, 1.0))
+        # The lower end must not be above the true leakage. `IntervalWidths.ends` replaces a lower end below
+        # `LEAST_TRUTH` by 0, so that an end of `LEAST_TRUTH` is low enough for any smaller true leakage.
+        highest_end = np.where(truth >= LEAST_TRUTH, truth, np.minimum(leakage, LEAST_TRUTH))
+        below = np.log(leakage / np.where(highest_end > 0, highest_end, 1.0))
+        # the upper end is computed from at least `LEAST_KNOWN`, as in `IntervalWidths.ends`
         above = np.log(truth / np.maximum(leakage, LEAST_KNOWN))
     return below, above
 
@@ -275,23 +281,29 @@ def state_of_rows(rows: Sequence[Mapping[str, str]]) -> PatchState:
 
 
 def weighted_quantile(score: Array, scene: Array, fraction: float) -> float:
-    """Return a quantile of scores in which all scenes have equal weight, including a new one beyond all scores.
+    """Return a quantile of scores, in which every scene has the same weight.
+
+    Each of the n scenes has the weight 1/(n + 1), which is shared equally by its steps. The remaining weight 1/(n + 1)
+    represents a new scene, whose scores are assumed to be higher than all others.
 
     Parameters
     ----------
     score : array (rows,)
-        Scores of the steps.
+        Score of each load step.
     scene : array (rows,)
-        Name of the scene of each step.
+        Name of the scene to which each load step belongs.
     fraction : float
-        Level of the quantile. If it lies in the weight of the new scene, the largest score is returned.
+        Fraction of the total weight up to the quantile, such as 0.95. Above n/(n + 1) the quantile belongs to the new
+        scene and is unknown; the largest known score is then returned.
     """
     _, scene_number = np.unique(scene, return_inverse=True)
     steps_of_scene = np.bincount(scene_number)
     weight = 1.0 / (steps_of_scene[scene_number] * (steps_of_scene.size + 1))
     order = np.argsort(score, kind="stable")
-    reached = int(np.searchsorted(np.cumsum(weight[order]), fraction - 1e-12))
-    return float(score[order[min(reached, order.size - 1)]])
+    cumulative_weight = np.cumsum(weight[order])
+    # position of the first score at which the fraction is reached; 1e-12 allows for rounding errors
+    position = int(np.searchsorted(cumulative_weight, fraction - 1e-12))
+    return float(score[order[min(position, order.size - 1)]])
 
 
 def calibration_rows(kind: str) -> list[dict[str, str]]:
@@ -308,9 +320,9 @@ def _calibration_set() -> tuple[dict[str, str], ...]:
 
 @cache
 def sealed_end() -> float:
-    """Return the upper end of the interval of a sealed state, as a fraction of the leakage of an open seal.
+    """Return the upper end of the interval for a sealed state, divided by the leakage of an open seal.
 
-    It is calibrated from the sealed states of all kinds of computation.
+    This ratio is calibrated from the sealed states of all kinds of computation together.
     """
     rows = [row for kind in KINDS for row in calibration_rows(kind)]
     rows = [row for row in rows if float(row["leakage"]) == 0 and row["patch"] != _BOTH_PATCHES]
@@ -320,10 +332,10 @@ def sealed_end() -> float:
 
 @cache
 def interval_widths(kind: str, patches: int = 1) -> IntervalWidths:
-    """Return the widths of the intervals of a kind of computation from a number of measured patches.
+    """Return the calibrated interval widths for a kind of computation, and for a number of measured patches.
 
-    The widths for more than two patches are those for two. If the calibration set has no rows of two patches for a
-    kind, the widths of single patches are returned for any number of patches.
+    For two and more patches, the widths are calibrated from rows of the calibration set that were computed from two
+    patches together. If there are no such rows for this kind, the widths for a single patch are used.
     """
     rows = calibration_rows(kind)
     has_two = any(row["patch"] == _BOTH_PATCHES for row in rows)

@@ -20,24 +20,25 @@ _OPEN_PERMEABILITY = 1e-18 / 12
 
 @dataclass(frozen=True, eq=False)
 class PatchState:
-    """Hold the quantities of a patch that determine the width of its 95 % interval; all are arrays (steps,).
+    """Hold the quantities of a patch that determine the width of its 95 % interval, at every load step.
 
-    The quantities of a step depend on its contact state alone, not on the other loads of the programme. For a step on
-    unloading, all quantities except `open_leakage` are those of its peak. The unloaded state results from the
-    deformation at the peak, so its leakage is as uncertain as that at the peak.
+    The quantities at a load step depend on the contact state of this step alone. At a step on unloading, however, all
+    quantities except `open_leakage` are taken from the peak, from which the patch is unloaded. The reason is that the
+    deformation at the peak determines the unloaded state, whose leakage is therefore as uncertain as at the peak.
 
     Parameters
     ----------
     carriers : array (steps,)
-        Number of blocks that effectively carry the flow, see `participation_number`. It is NaN in a sealed state.
+        Effective number of blocks that carry the flow, if the patch is divided into blocks as large as one short wave,
+        see `face.flow_concentration`. NaN in a sealed state.
     contact_fraction : array (steps,)
         Fraction of the patch in contact.
     detours : array (steps,)
-        Logarithm of the ratio of the leakage of the patch to that of its grid of cells, from 0 to ln 3. It measures how
-        much flows through channels that cross the sides of cells. Cells at random lose these channels. It is NaN in a
-        sealed state.
+        ln(Q/Q_c), with the leakage Q of the patch and the leakage Q_c of its grid of cells, limited to the range from 0
+        to ln 3. It measures how much flows through channels that cross the sides of cells. These channels are lost when
+        the cells are put together at random. NaN in a sealed state.
     open_leakage : array (steps,), m²/s
-        Leakage of the seal if its gap were everywhere equal to the mean gap of the state.
+        Leakage of a seal whose gap is uniform and equal to the mean gap of the contact state.
     """
 
     carriers: Array
@@ -56,28 +57,30 @@ class PatchState:
         steps : LoadProgramme
             Load steps of the seal.
         cells : FaceCells
-            Cells of the patch. If they were solved at other pressures, the quantities are interpolated.
+            Cells of the patch. If they were not solved at the load steps of the seal, the quantities are interpolated.
         pressures : array (steps,), Pa
-            Nominal pressure of the dry patch at every step of the seal.
+            Mean contact pressure of the seal at every load step.
         open_leakage : array (steps,), m²/s
             See the class.
         """
-        contact = cells.contact_fraction.mean(axis=(1, 2))
+        contact_fraction = cells.contact_fraction.mean(axis=(1, 2))
         with np.errstate(divide="ignore", invalid="ignore"):
-            detours = np.clip(
-                np.log(cells.surface_leakage / cells.cells_leakage), 0.0, np.log(MOST_FACTOR)
-            )
+            leakage_ratio = cells.surface_leakage / cells.cells_leakage
+            detours = np.clip(np.log(leakage_ratio), 0.0, np.log(MOST_FACTOR))
         detours = np.where(np.isnan(cells.carriers), np.nan, detours)
-        quantities = cells.carriers, contact, detours
-        peaks = steps.peak_indices
-        if cells.steps == steps:
-            at_peaks = [values[peaks] for values in quantities]
-        else:
-            at_peaks = [
-                _interpolate_on_loading(cells.steps, values, pressures[peaks])
-                for values in quantities
-            ]
-        return cls(at_peaks[0], at_peaks[1], at_peaks[2], open_leakage)
+        peaks = steps.peak_indices  # for a step on loading, the step itself
+
+        def at_peaks(values: Array) -> Array:
+            if cells.steps == steps:
+                return values[peaks]
+            return _interpolate_on_loading(cells.steps, values, pressures[peaks])
+
+        return cls(
+            carriers=at_peaks(cells.carriers),
+            contact_fraction=at_peaks(contact_fraction),
+            detours=at_peaks(detours),
+            open_leakage=open_leakage,
+        )
 
 
 def open_leakage_per_permeability(scene: Scene, seal: Any) -> float:
@@ -91,14 +94,15 @@ def open_leakage_per_permeability(scene: Scene, seal: Any) -> float:
 def _interpolate_on_loading(steps: LoadProgramme, values: Array, pressures: Array) -> Array:
     """Interpolate a quantity of the contact states on loading, linearly in the cube root of the pressure.
 
-    The result is NaN at pressures for which the nearest contact state is sealed.
+    The result is NaN where the quantity is NaN in the nearest contact state, which means that this state is sealed.
     """
     loading = np.flatnonzero(steps.on_loading)
-    values, roots = values[loading], np.cbrt(steps.pressures[loading])
-    wanted_roots = np.cbrt(pressures)
+    values = values[loading]
+    state_roots = np.cbrt(steps.pressures[loading])
+    roots = np.cbrt(pressures)
     is_known = np.isfinite(values)
     if not is_known.any():
-        return np.full(wanted_roots.shape, np.nan)
-    interpolated = np.interp(wanted_roots, roots[is_known], values[is_known])
-    nearest = np.abs(wanted_roots[:, None] - roots).argmin(axis=1)
-    return np.where(is_known[nearest], interpolated, np.nan)
+        return np.full(roots.shape, np.nan)
+    interpolated = np.interp(roots, state_roots[is_known], values[is_known])
+    nearest_state = np.abs(roots[:, None] - state_roots).argmin(axis=1)
+    return np.where(is_known[nearest_state], interpolated, np.nan)

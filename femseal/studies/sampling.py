@@ -46,7 +46,8 @@ class Sampling:
     Parameters
     ----------
     length : float or None, m
-        Length of a straight seal along x2, which is rounded to whole tiles. None for layouts that have a size already.
+        Length of a straight seal along x2, which is rounded to whole tiles. None if the layout defines the size of the
+        seal.
     realisations : int, optional
         Number of realisations. By default as many are solved as the 95 % interval needs, see `stochastic`.
     seed : int
@@ -91,7 +92,9 @@ class Sampling:
         object.__setattr__(self, "form", tuple(forms))
         if self.form and not is_uniform(self.pressure_map):
             raise InputError(
-                "form", "a form and a map of the pressure", "one of them: a form gives the pressure"
+                "form",
+                "a form and also a pressure map",
+                "either a form or a pressure map, because the form already determines the pressure",
             )
         for name in ("length", "breadth"):
             if getattr(self, name) is not None:
@@ -129,12 +132,12 @@ def cut_and_cover(
 
 
 def seal_for_maps(layout: Layout, tiles: SealTiles) -> PressedSeal:
-    """Return the seal in the coordinates of pressure maps."""
+    """Return the seal in the coordinates in which pressure maps are given."""
     return PressedSeal(layout.frame(tiles.size), tiles.outlines[tiles.unrepeated_elements])
 
 
 def pressure_fractions(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Array:
-    """Return the pressure of each tile, as a fraction of the nominal pressure (steps, tiles).
+    """Return the pressure of each tile under a pressure map, as a fraction of the nominal pressure (steps, tiles).
 
     Raises InputError if the map does not cover the seal.
     """
@@ -148,10 +151,11 @@ def pressure_fractions(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> 
 def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
     """Group tiles that have nearly the same pressure at every load step.
 
-    A pressure path holds the pressure of a tile at each load step. If there are more distinct paths than allowed, the
-    cube roots of the fractions are rounded, because ln k is nearly linear in the cube root of the pressure. Their
-    number of levels is reduced until few enough paths are left. Each path is the mean of the tiles that share it.
-    Under two maps with 512 paths this changed the leakage by less than 3e-4.
+    A pressure path contains the pressure of a tile at each load step. If there are too many distinct paths, the cube
+    roots of the fractions are rounded to a number of levels, because ln k is nearly linear in the cube root of the
+    pressure. The number of levels is reduced until there are no more than `MOST_PATHS` (or `MOST_OF_SEVERAL`) paths.
+    Each path is the mean of the tiles that share it. For two maps, the limit of 512 paths changed the leakage by less
+    than 3e-4.
 
     Parameters
     ----------
@@ -167,17 +171,20 @@ def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
     """
     differs_by_step = np.ptp(fractions, axis=0).any()
     most_paths = MOST_OF_SEVERAL if differs_by_step else MOST_PATHS
-    keys = fractions  # tiles with equal columns of keys share a path
+    rounded = fractions  # (step, tile); tiles with equal columns share a path
     levels = float(MOST_PATHS)
     while True:
-        _, path_of_tile = np.unique(keys, axis=1, return_inverse=True)
+        _, path_of_tile = np.unique(rounded, axis=1, return_inverse=True)
         path_of_tile = path_of_tile.reshape(-1)
         tiles_of_path = np.bincount(path_of_tile)
         if tiles_of_path.size <= most_paths:
-            sums = (np.bincount(path_of_tile, step_fractions) for step_fractions in fractions)
-            return np.array([step_sums / tiles_of_path for step_sums in sums]), path_of_tile
-        keys = np.rint(np.cbrt(fractions / fractions.max()) * (levels - 1))
+            break
+        rounded = np.rint(np.cbrt(fractions / fractions.max()) * (levels - 1))
         levels *= 0.8
+    # mean over the tiles of each path, step by step
+    sums = (np.bincount(path_of_tile, fractions_at_step) for fractions_at_step in fractions)
+    paths = np.array([sums_at_step / tiles_of_path for sums_at_step in sums])
+    return paths, path_of_tile
 
 
 def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str, ...]:
@@ -188,7 +195,7 @@ def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str
     if is_uniform(pressure_map):
         return ()
     nominal = scene.steps.pressures
-    pressure = nominal[:, None] * pressure_fractions(scene, tiles, pressure_map)
+    pressure = nominal[:, None] * pressure_fractions(scene, tiles, pressure_map)  # (step, tile)
     if pressure.max() >= scene.law.capacity:
         step = int(pressure.max(axis=1).argmax())
         given = f"{to_text(float(pressure.max()), 'Pa')} in a tile at {scene.steps[step].name}"
@@ -200,8 +207,9 @@ def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str
     if fluid is not None and fluid.nominal == "total":
         carried = max(fluid.carried, 0.0)
     warnings = [*_field_warnings(scene, tiles, pressure_map)]
-    # fraction of tiles without contact pressure, at the load step with most of them
-    unloaded = float((pressure[nominal > 0] <= carried).mean(axis=1).max(initial=0.0))
+    # fraction of the tiles without contact pressure, at the load step at which it is largest
+    without_contact = pressure[nominal > 0] <= carried
+    unloaded = float(without_contact.mean(axis=1).max(initial=0.0))
     if unloaded:
         warnings.insert(
             0,
@@ -264,7 +272,8 @@ class TileFluid:
     piecewise : bool
         How permeabilities are interpolated between these pressures, see `flow.PermeabilityTable`.
     relief : array (pressures,) or (1,), Pa
-        Reduction of the contact pressure of a cell by the fluid, at each fluid pressure, or one value for all.
+        How much the fluid reduces the contact pressure of a cell: one value for each of the fluid pressures, or a
+        single value if it is the same for all of them.
     """
 
     pressures: tuple[float, ...]
@@ -275,8 +284,9 @@ class TileFluid:
     def of(cls, scene: Scene) -> TileFluid:
         """Choose the fluid pressures for a scene.
 
-        They are the pressures that the flow law needs. If the fluid pressure acts on the surfaces and falls from inlet
-        to outlet, they are several pressures in between.
+        A flow law that depends on the fluid pressure determines the pressures. Otherwise a single pressure is enough,
+        unless the fluid pressure acts on the surfaces and falls from inlet to outlet: then `FLUID_PRESSURES` pressures
+        from outlet to inlet are chosen.
         """
         drop, fluid = scene.flow.drop, scene.acting_fluid
         pressures = tuple(drop.pressures)
@@ -284,21 +294,22 @@ class TileFluid:
         if fluid is None:
             return cls(pressures)
         if fluid.inlet != fluid.outlet and not drop.law.depends_on_pressure:
-            # ln k is a nearly linear function of the cube root of the pressure that remains for the contact. The fluid
-            # pressures are chosen so that these cube roots have equal distances.
-            lowest = min((p for p in scene.steps.pressures if p > 0), default=0.0)
-            full = max(lowest, fluid.inlet, fluid.outlet)
-            root_at_outlet = float(np.cbrt(full - fluid.outlet))
-            root_at_inlet = float(np.cbrt(full - fluid.inlet))
+            # ln k is a nearly linear function of the cube root of the contact pressure, which is the nominal pressure
+            # minus the fluid pressure. The fluid pressures are chosen so that these cube roots are evenly spaced at the
+            # lowest load.
+            lowest_load = min((p for p in scene.steps.pressures if p > 0), default=0.0)
+            nominal = max(lowest_load, fluid.inlet, fluid.outlet)
+            root_at_outlet = float(np.cbrt(nominal - fluid.outlet))
+            root_at_inlet = float(np.cbrt(nominal - fluid.inlet))
             roots = np.linspace(root_at_outlet, root_at_inlet, FLUID_PRESSURES)
-            between = full - roots[1:-1] ** 3
+            between = nominal - roots[1:-1] ** 3
             pressures = (fluid.outlet, *between.tolist(), fluid.inlet)
             piecewise = True
         relief = fluid.relief(pressures if len(pressures) > 1 else [fluid.mean])
         return cls(pressures, piecewise, relief)
 
     def effective_pressures(self, paths: Array) -> Array:
-        """Compute the pressures that remain for the contact when the fluid carries its share of the load.
+        """Compute the contact pressures: the nominal pressures minus the reliefs, but at least 0.
 
         Parameters
         ----------
@@ -308,25 +319,25 @@ class TileFluid:
         Returns
         -------
         array (steps, reliefs × paths), Pa
-            All paths at the first relief, followed by all paths at the next one, and so on.
+            Contact pressures of all paths under the first relief, followed by those under the second relief, and so on.
         """
-        remaining = np.maximum(
-            paths[None] - self.relief[:, None, None], 0.0
-        )  # (relief, step, path)
-        return np.concatenate(list(remaining), axis=1)
+        reliefs = self.relief[:, None, None]
+        contact_pressures = np.maximum(paths[None] - reliefs, 0.0)  # (relief, step, path)
+        return np.concatenate(list(contact_pressures), axis=1)
 
     def select_matching_reliefs(self, k: Array) -> Array:
-        """Select the permeabilities at each fluid pressure together with the relief that this pressure causes.
+        """Select, for each fluid pressure, the permeabilities under the relief that this fluid pressure causes.
 
         Parameters
         ----------
         k : array (pressures, 2, steps, reliefs × paths, cells), m³
-            Permeabilities for all combinations of fluid pressure and relief. The first axis has length 1 if the flow
-            law does not depend on the pressure.
+            Permeabilities on the paths of `effective_pressures`, for all combinations of fluid pressure and relief. The
+            first axis has length 1 if the flow law does not depend on the pressure.
 
         Returns
         -------
         array (pressures, 2, steps, paths, cells), m³
+            Permeabilities without the axis of the reliefs.
         """
         if self.relief.size == 1:
             return k

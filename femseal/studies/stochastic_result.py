@@ -1,4 +1,4 @@
-"""Hold the result of the stochastic study: the leakage of all realisations, and the fields of the median one."""
+"""Hold the result of the stochastic study: the leakage of all realisations, and the fields of the median seal."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .patch_state import PatchState
 
 @dataclass(frozen=True, repr=False)
 class MedianSeal(Shown):
-    """Fields of the realisation whose leakage is nearest to the median, over the elements of the seal.
+    """Hold the fields of the realisation whose leakage is nearest to the median, over the elements of the seal.
 
     Parameters
     ----------
@@ -49,9 +49,9 @@ class MedianSeal(Shown):
     pressure : array (steps, elements), Pa
         Mean contact pressure of the tile to which each element belongs.
     form : array (elements,), m, optional
-        Height of the form of the seal; None for a seal without form, as are the next two.
+        Height of the form of the seal. None for a seal without form; then `separation` and `nominal` are None as well.
     separation : array (steps, elements), m, optional
-        Distance of the mean planes of the faces.
+        Distance between the mean planes of the two faces.
     nominal : array (steps, elements), Pa, optional
         Nominal pressure of the tiles under the form of the seal.
     """
@@ -92,30 +92,31 @@ class MedianSeal(Shown):
 
 
 def find_median_realisation(leakage: Array) -> int | None:
-    """Return the number of the realisation whose ln(leakage) is nearest to the median, as a mean over the steps.
+    """Return the number of the realisation whose leakage is nearest to the median; None if there is none.
 
-    Steps at which all realisations failed or the median is negligible are left out. The result is None if no
-    realisation was solved at all other steps, or if none leaks.
+    The distance to the median is the mean of |ln(leakage/median)| over the load steps. Steps at which all realisations
+    failed, or at which the median is negligible, are ignored. There is no such realisation if none leaks, or if every
+    realisation failed at a step at which others were solved.
 
     leakage : leakage of each realisation, array (realisations, steps).
     """
     solved_steps = np.isfinite(leakage).any(axis=0)
-    size = np.abs(leakage[:, solved_steps])
-    is_complete = np.isfinite(size).all(axis=1)
-    if not size.size or not is_complete.any():
+    magnitude = np.abs(leakage[:, solved_steps])  # (realisation, step)
+    is_complete = np.isfinite(magnitude).all(axis=1)
+    if not magnitude.size or not is_complete.any():
         return None
-    median = np.median(size[is_complete], axis=0)
+    median = np.median(magnitude[is_complete], axis=0)
     leaks = median > FLOOR * median.max()
     if not leaks.any():
         return None
     with np.errstate(divide="ignore"):
-        distance = np.abs(np.log(size[:, leaks] / median[leaks])).mean(axis=1)
+        distance = np.abs(np.log(magnitude[:, leaks] / median[leaks])).mean(axis=1)
     return int(np.argmin(np.where(np.isnan(distance), np.inf, distance)))
 
 
 @dataclass(frozen=True, repr=False)
 class StochasticResult(Shown):
-    """Realisations of a seal, whose tiles take random cells of a surface.
+    """Hold the realisations of a seal, whose tiles take random cells of a surface.
 
     Parameters
     ----------
@@ -135,8 +136,8 @@ class StochasticResult(Shown):
     cells : FaceCells
         Cells of the surface, at the loads of the scene or at tabulated pressures.
     row_pressure : array (steps, rows), Pa, optional
-        Mean contact pressure of each row. It is known if the cells stay in order or the seal has a form, else None, as
-        are the next two.
+        Mean contact pressure of each row. None unless the cells stay in order or the seal has a form; then
+        `band_breadth` and `largest_row_pressure` are None as well.
     band_breadth : array (steps,), m, optional
         Breadth of the band in contact.
     largest_row_pressure : array (steps,), Pa, optional
@@ -208,13 +209,14 @@ class StochasticResult(Shown):
 
     @property
     def seal(self) -> ElementSeal:
-        """Elements of the seal. Its size is that of the whole seal, even if only a part of its length was solved."""
+        """Elements of the seal, with the size of the whole seal even if only a part of its length was solved."""
         return replace(self.tiles.seal, size=self.tiles.size)
 
     def quantile(self, q: float) -> Array:
         """Return the quantile q of the realisations that did not fail (steps,) [m²/s]; NaN where all failed.
 
-        It is interpolated between the logarithms of two values, or is 0 if one of them is 0 or their signs differ.
+        Between two neighbouring realisations, ln|leakage| is interpolated. The result is 0 if one of these two is
+        sealed, or if the signs of their leakages differ.
         """
         return at_every_step(self.leakage, partial(_quantile, q=q))
 
@@ -244,7 +246,9 @@ class StochasticResult(Shown):
 
 
 def at_every_step(leakage: Array, statistic: Callable[[Array], Any]) -> Array:
-    """Evaluate a statistic of the realisations that did not fail at every step (steps,); NaN where all failed.
+    """Evaluate a statistic over the realisations at every load step (steps,).
+
+    At each step, realisations that failed there are left out. The result is NaN at steps at which all failed.
 
     leakage : leakage of each realisation, array (realisations, steps).
     statistic : function of the leakages at one step, such as `np.median`.
@@ -254,19 +258,21 @@ def at_every_step(leakage: Array, statistic: Callable[[Array], Any]) -> Array:
 
 
 def _quantile(values: Array, q: float) -> float:
-    """Return the quantile q of values, interpolated between the logarithms of the values below and above."""
-    low, high = (float(np.quantile(values, q, method=end)) for end in ("lower", "higher"))
+    """Return the quantile q of values; the logarithms of the two neighbouring values are interpolated."""
+    low = float(np.quantile(values, q, method="lower"))
+    high = float(np.quantile(values, q, method="higher"))
     if low == high:
         return low
     if low * high <= 0:
         return 0.0
-    weight = (values.size - 1) * q % 1  # fraction of the way from the lower to the higher value
+    # the quantile lies at the position (n − 1) q among the sorted values; its fractional part is the weight of `high`
+    weight = (values.size - 1) * q % 1
     return float(np.sign(low)) * abs(low) ** (1 - weight) * abs(high) ** weight
 
 
 def _log_deviation(values: Array) -> float:
-    """Return the standard deviation of ln|values| without the zeros; NaN for fewer than two other values."""
-    size = np.abs(values[values != 0])
-    if size.size < 2:
+    """Return the standard deviation of ln|value| over the values other than 0; NaN if there are fewer than two."""
+    magnitudes = np.abs(values[values != 0])
+    if magnitudes.size < 2:
         return np.nan
-    return float(np.std(np.log(size), ddof=1))
+    return float(np.std(np.log(magnitudes), ddof=1))

@@ -48,21 +48,23 @@ def stochastic(
 ) -> StochasticResult:
     """Solve seals of any size and shape, whose tiles take random cells of a surface.
 
-    The contact is solved for the whole surface, which is then cut into cells. If the seal is as broad as the surface
-    and all tiles have the same pressure, the contact is solved at the load steps of the scene. Otherwise it is solved
-    at tabulated nominal pressures, between which the permeabilities are interpolated at the pressure of each tile, less
-    the share that the fluid carries. A correction factor for each axis and contact state makes the cells in order leak
-    as much as the whole surface.
+    The contact of the whole surface is solved, and the surface is then cut into cells. If the seal is as broad as the
+    surface and all tiles have the same pressure, the contact is solved at the load steps of the scene. Otherwise the
+    contact is solved at tabulated pressures, and the permeability of a cell is interpolated at the contact pressure of
+    its tile. This is the nominal pressure of the tile minus the pressure that the fluid carries. A correction factor
+    for each axis and contact state makes the cells in order leak as much as the whole surface.
 
     Parameters
     ----------
     scene : Scene
         The surface, its load and its fluid.
     cells : (int, int) or None
-        Numbers of cells along x1 and x2. None for two or four cells on the shorter side of the surface.
+        Numbers of cells along x1 and x2. By default, there are four cells along the shorter side of the surface, or two
+        if the cells stay in order.
     sampling : Sampling
-        Options of the seal and its realisations. If the number of realisations is not given, seals are solved until
-        the standard error of their median is a twentieth of the interval of a single patch, but at least three.
+        Options of the seal and its realisations. If the number of realisations is not given, at least three are solved,
+        and more if needed, until the standard error of their median is a twentieth of the half-width of the interval
+        for a single patch.
     mapper : callable
         Computes a stage for many items, such as the builtin `map`. It may use several processes.
 
@@ -88,7 +90,7 @@ def stochastic(
     cut, tiles = cut_and_tiles(scene, cells, sampling)
     map_warnings = check_map(scene, tiles, sampling.pressure_map)
     scene = remove_waves_of_forms(scene, cut, sampling.form)
-    contact = None  # of a seal with a form
+    contact = None  # contact of a seal with a form
     if sampling.form:
         contact = solve_seal_contact(scene, tiles, sampling.form, mapper)
         supply = supply_cells(scene, cut, tiles, contact.pressure_fractions, mapper)
@@ -100,8 +102,13 @@ def stochastic(
     if not np.isfinite(supply.k).any():
         raise FemsealError(f"cells: every flow failed; the first: {face_cells.failures[0]}")
     unit_leakage = open_leakage_per_permeability(scene, tiles.seal)
-    mean_gap = face_cells.mean_gap.mean(axis=(1, 2))  # of each contact state
-    state = supply.patch_state(unit_leakage * supply.at_nominal(mean_gap) ** 3 / 12)
+    mean_gap = face_cells.mean_gap.mean(
+        axis=(1, 2)
+    )  # mean gap of the surface in each contact state
+    open_permeability = (
+        supply.at_nominal(mean_gap) ** 3 / 12
+    )  # of a uniform gap as high as the mean gap
+    state = supply.patch_state(unit_leakage * open_permeability)
     realisations = _solve_realisations(supply, sampling, state, mapper)
     leakage = np.array([realisation.leakage for realisation in realisations])
     median_seal = _solve_median_seal(supply, sampling, leakage, contact, mapper)
@@ -134,7 +141,7 @@ def stochastic(
 def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tuple[Cut, SealTiles]:
     """Cut the surface into cells, and cover the seal with tiles that are each as large as a cell.
 
-    Raises InputError: see `stochastic`.
+    Raises InputError for the reasons that `stochastic` lists.
     """
     cut, tiles = cut_and_cover(scene.surface, scene.layout, cells, sampling)
     if scene.traps_liquid and not tiles.in_order:
@@ -156,7 +163,7 @@ class _Realisation:
 def _solve_realisations(
     supply: CellSupply, sampling: Sampling, state: PatchState, mapper: Mapper
 ) -> list[_Realisation]:
-    """Solve the given number of realisations, or as many as the interval needs."""
+    """Solve the given number of realisations. If no number is given, solve as many as `_count_needed` requires."""
     stage = Stage("realisations", partial(_realise, supply=supply, seed=sampling.seed))
     kind = _kind(supply.tiles, sampling)
     count = sampling.realisations or FEWEST_SEALS
@@ -174,7 +181,8 @@ def _solve_realisations(
 def _kind(tiles: SealTiles, sampling: Sampling) -> str:
     """Return the kind of computation, see `patch_interval`.
 
-    Only forms that were measured at points make the kind "with form"; the form of a seat is known exactly.
+    A seal with a nominal form, such as a seat, does not belong to the kind "with form", because this form is known
+    exactly. Only forms that were measured at points have a finite shortest wave.
     """
     if any(isfinite(form.shortest_wave) for form in sampling.form):
         return "with form"
@@ -182,10 +190,11 @@ def _kind(tiles: SealTiles, sampling: Sampling) -> str:
 
 
 def _count_needed(leakage: Array, kind: str, state: PatchState) -> int:
-    """Return how many realisations are needed for the desired standard error of the median at every step.
+    """Return how many realisations are needed, so that the standard error of their median is small at every load step.
 
-    The desired error is a fraction of the 95 % interval that results from measuring only one patch. Steps at which this
-    interval begins at 0 are ignored, because more realisations would not make it narrower there.
+    The standard error of the median of n realisations is 1.2533 σ/√n, with the standard deviation σ of ln(leakage). It
+    may be at most `MEDIAN_ERROR_FRACTION` times the half-width of the 95 % interval for a single measured patch. Steps
+    at which this interval begins at 0 are ignored, because more realisations would not make it narrower there.
 
     leakage : leakage of the realisations solved so far, array (realisations, steps), m²/s.
     """
@@ -194,8 +203,9 @@ def _count_needed(leakage: Array, kind: str, state: PatchState) -> int:
     is_counted = lower > 0
     half_width = np.log(upper[is_counted] / lower[is_counted]) / 2
     with np.errstate(divide="ignore", invalid="ignore"):
-        spread = np.log(np.abs(leakage[:, is_counted])).std(axis=0, ddof=1)
-    counts = (_MEDIAN_ERROR * spread / (MEDIAN_ERROR_FRACTION * half_width)) ** 2
+        deviation = np.log(np.abs(leakage[:, is_counted])).std(axis=0, ddof=1)
+    # solve _MEDIAN_ERROR · deviation/√n = MEDIAN_ERROR_FRACTION · half_width for n, at every counted step
+    counts = (_MEDIAN_ERROR * deviation / (MEDIAN_ERROR_FRACTION * half_width)) ** 2
     largest = float(np.max(counts[np.isfinite(counts)], initial=0.0))
     return int(np.clip(np.ceil(largest), FEWEST_SEALS, MOST_SEALS))
 
@@ -203,8 +213,8 @@ def _count_needed(leakage: Array, kind: str, state: PatchState) -> int:
 def _realise(realisation: int, *, supply: CellSupply, seed: int) -> _Realisation:
     """Solve the flow through one realisation at every step at which the permeabilities are known.
 
-    If the cells stay in order, the leakage is that of the whole surface, multiplied by the ratio of the leakage of the
-    tiles to that of the grid of cells. This ratio is limited to the range from 1/2 to 2.
+    If the cells stay in order, the leakage of the realisation is Q Q_t/Q_c, with the leakages Q of the whole surface,
+    Q_t of the tiles and Q_c of the grid of cells. The ratio Q_t/Q_c is limited to the range from 1/2 to 2.
     """
     cell_of_tile = supply.choose_cells(seed, realisation)
     steps = supply.scene.steps
@@ -238,17 +248,19 @@ def _solve_median_seal(
 ) -> MedianSeal | None:
     """Compute the fields of the realisation that is nearest to the median.
 
-    The result is None if the fields are not wanted or too large, or if no realisation leaks.
+    The result is None if the fields are not wanted or too large, or if there is no such realisation.
     """
-    values = len(supply.tiles.outlines) * len(supply.scene.steps)
-    if not sampling.median_fields or values > MOST_VALUES:
+    value_count = len(supply.tiles.outlines) * len(supply.scene.steps)
+    if not sampling.median_fields or value_count > MOST_VALUES:
         return None
-    number = find_median_realisation(leakage)
-    if number is None:
+    realisation = find_median_realisation(leakage)
+    if realisation is None:
         return None
     solve = partial(_fields_of_realisation, supply=supply, seed=sampling.seed)
-    (median_seal,) = mapper(Stage("median seal", solve), [number])
-    return median_seal if contact is None else _with_form(median_seal, supply.tiles, contact)
+    (median_seal,) = mapper(Stage("median seal", solve), [realisation])
+    if contact is None:
+        return median_seal
+    return _with_form(median_seal, supply.tiles, contact)
 
 
 def _fields_of_realisation(realisation: int, *, supply: CellSupply, seed: int) -> MedianSeal:
@@ -263,7 +275,8 @@ def _fields_of_realisation(realisation: int, *, supply: CellSupply, seed: int) -
         permeability, flow = supply.solve_flow(cell_of_tile, s)
         if isinstance(flow, Failed):
             continue
-        if flow.permeability is not None:  # the solution has its own if k depends on the pressure
+        if flow.permeability is not None:
+            # if k depends on the fluid pressure, the solution contains k at the pressures of this solution
             permeability = flow.permeability
         k[s], fluid_pressure[s] = tiles.element_means(permeability, flow.fluid_pressure)
         potential = scene.fluid.potential(flow.fluid_pressure) / scene.fluid.reference_density
@@ -277,14 +290,14 @@ def _fields_of_realisation(realisation: int, *, supply: CellSupply, seed: int) -
         if fluid is not None:
             relief = np.nan_to_num(fluid.relief(fluid_pressure))
             pressure = np.maximum(pressure - relief, 0.0)
-    once = tiles.unrepeated_elements
+    elements = tiles.unrepeated_elements
     return MedianSeal(
         realisation,
-        tiles.outlines[once],
-        k[:, once],
-        fluid_pressure[:, once],
-        flux[:, once],
-        pressure[:, once],
+        tiles.outlines[elements],
+        k[:, elements],
+        fluid_pressure[:, elements],
+        flux[:, elements],
+        pressure[:, elements],
     )
 
 
@@ -304,7 +317,10 @@ def _with_form(median_seal: MedianSeal, tiles: SealTiles, contact: SealContact) 
 
 
 def _row_fields(supply: CellSupply, contact: SealContact | None) -> dict[str, Any]:
-    """Return the fields of rows of a result; they are empty unless the rows of the seal differ in a known way."""
+    """Return the fields of the rows of the seal, such as their mean contact pressure.
+
+    There are no such fields unless the seal has rows and either has a form, or is made of cells that stay in order.
+    """
     if contact is not None and contact.grid.has_rows:
         return fields_of_rows(contact.row_pressure, contact.grid.spacing[0])
     if supply.tiles.in_order:
@@ -340,10 +356,10 @@ def _failures(supply: CellSupply, realisations: list[_Realisation]) -> tuple[str
 
 
 def _patch_leakage(supply: CellSupply, leakage: Array) -> PatchLeakage | None:
-    """Estimate the leakage of a seal that would be made of each measured patch alone; None if there is only one.
+    """Estimate the leakage of seals that are made of a single measured patch each; None if there is only one patch.
 
-    It is the median leakage of the realisations, multiplied by the ratio of the leakage of the patch to that of the
-    whole surface.
+    The leakage is Q Q_p/Q_s, with the median leakage Q of the realisations, the leakage Q_p of the patch and the
+    leakage Q_s of the whole surface.
     """
     cells = supply.cells
     if cells.patches is None:

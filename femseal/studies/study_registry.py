@@ -49,7 +49,7 @@ TOLERANCE_FRACTION = 0.1
 
 @dataclass(frozen=True)
 class StudyOptions:
-    """Options of all studies. Each study uses those that it needs.
+    """Hold the options of all studies. Each study uses the options that it needs.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class StudyOptions:
     sampling : Sampling, optional
         Seals of the stochastic study.
     surface_is_solved : bool
-        Whether a study before this one has solved contact and flow of the whole surface at the loads of the scene.
+        Whether another study of the run has already solved contact and flow of the whole surface at its load steps.
     """
 
     cells: Shape | None = None
@@ -67,7 +67,7 @@ class StudyOptions:
 
     @property
     def blocks(self) -> Shape:
-        """Numbers of blocks along x1 and x2 that the cells form."""
+        """Numbers of blocks along x1 and x2; each block consists of 4 × 4 cells."""
         return blocks_of(self.cells)
 
 
@@ -114,7 +114,7 @@ def blocks_cost(scene: Scene, options: StudyOptions) -> Pair:
 def stochastic_cost(scene: Scene, options: StudyOptions) -> Pair:
     """Return the expected time on one core [s] and the memory [byte] of the stochastic study.
 
-    They consist of those of the contact states with their cells, and of those of the realisations.
+    The time is the sum of two parts: the contact states with their cells, and the realisations.
     """
     assert options.sampling is not None
     cut, tiles = cut_and_tiles(scene, options.cells, options.sampling)
@@ -122,39 +122,41 @@ def stochastic_cost(scene: Scene, options: StudyOptions) -> Pair:
     elements = len(tiles.tile)
     pressures = count_pressures(scene)
     fluid_acts = scene.acting_fluid is not None
-    # contact states
+    # time of one contact state: flow through all cells along both axes, and contact and flow of the whole surface
+    # unless another study has solved them at the same loads
     is_solved = options.surface_is_solved and scene.flow.spiral is None
-    state_seconds = 2 * pressures * pixels * _FLOW_SECONDS  # flow through all cells along both axes
+    state_seconds = 2 * pressures * pixels * _FLOW_SECONDS
     if not (is_solved and tiles.in_order):
         state_seconds += _surface_seconds(scene, fluid_acts and tiles.in_order)
     is_tabulated = uses_tabulated_pressures(scene, options.sampling) and not tiles.in_order
-    states = TABULATED_STATES if is_tabulated else steps
-    # realisations
+    state_count = TABULATED_STATES if is_tabulated else steps
+    # time of all realisations at all load steps
     realisations = options.sampling.realisations or usual_realisations(cut.shape, tiles)
     k_depends_on_pressure = pressures > 1 or (fluid_acts and not tiles.in_order)
-    solutions = _PRESSURE_SOLUTIONS if k_depends_on_pressure else 1.0
-    seal_seconds = solutions * realisations * steps * elements * _ELEMENT_SECONDS
+    solutions_per_step = _PRESSURE_SOLUTIONS if k_depends_on_pressure else 1.0
+    seal_seconds = solutions_per_step * realisations * steps * elements * _ELEMENT_SECONDS
     memory = state_memory(pixels) + _ELEMENT_BYTES * elements
     if tiles.in_order:
-        # this study stores the states of the surface, in addition to those that another study has stored
-        memory += (2 if is_solved else 1) * states_memory(pixels, steps)
-    return states * state_seconds + seal_seconds, memory
+        # this study stores all contact states of the surface; so does the other study, if it has solved the surface
+        storing_studies = 2 if is_solved else 1
+        memory += storing_studies * states_memory(pixels, steps)
+    return state_count * state_seconds + seal_seconds, memory
 
 
 def usual_realisations(cells: Shape, tiles: SealTiles) -> int:
     """Return the number of realisations that the 95 % interval usually needs.
 
-    The larger the seal is compared with the surface, the less its leakage scatters, and the fewer are needed.
+    If the seal is large compared with the surface, its leakage scatters less, so that fewer realisations are needed.
 
     cells : numbers of cells of the surface along x1 and x2.
     """
-    area_ratio = tiles.count / (cells[0] * cells[1])
-    wanted = MOST_SEALS / max(area_ratio, 1.0)
-    return round(min(max(wanted, FEWEST_SEALS), MOST_SEALS))
+    area_ratio = tiles.count / (cells[0] * cells[1])  # of the seal to the surface
+    count = MOST_SEALS / max(area_ratio, 1.0)
+    return round(min(max(count, FEWEST_SEALS), MOST_SEALS))
 
 
 def uses_tabulated_pressures(scene: Scene, sampling: Sampling) -> bool:
-    """Return whether the cells of a stochastic seal are solved at tabulated pressures, if they do not stay in order."""
+    """Return whether a stochastic seal needs cells at tabulated pressures, provided that they do not stay in order."""
     return scene.acting_fluid is not None or not sampling.presses_evenly
 
 
@@ -167,7 +169,9 @@ def count_pressures(scene: Scene) -> int:
 
 
 def contact_tolerance(accuracy: float) -> float:
-    """Return the largest tolerance of the contact that causes only a small part of the allowed error of the leakage.
+    """Return the largest tolerance of the contact solver that is still accurate enough for the leakage.
+
+    The error of the leakage due to this tolerance is at most a tenth of the error that the leakage may have.
 
     Parameters
     ----------
@@ -197,14 +201,14 @@ StudyResult = FaceResult | BlocksResult | StochasticResult
 
 @dataclass(frozen=True)
 class Study:
-    """A study that a case can choose.
+    """Describe a study that a case can choose.
 
     Parameters
     ----------
     name : str
         Name in case files, messages and timings.
     label : str
-        Name of its leakage in legends and tables.
+        Name of the leakage of this study in legends and tables.
     option_names : tuple of str
         Names of the attributes of `StudyOptions` that `solve` takes.
     solve : callable
@@ -241,7 +245,8 @@ def study_of_result(result: StudyResult) -> Study:
 def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
     """Return the fraction of the surface in contact at every step (steps,), NaN where it is unknown.
 
-    study : result of a study. steps : load steps; for a stochastic result they may be some of its steps.
+    study : result of a study.
+    steps : load steps at which the fraction is returned. For a stochastic result, they may be a part of its load steps.
     """
     if isinstance(study, StochasticResult):
         indices = [study.steps.index(step) for step in steps]
@@ -260,7 +265,7 @@ def mean_gap_of(study: StudyResult) -> Array:
 
 
 def open_leakage_of(study: object, scene: Scene) -> Array:
-    """Return the leakage if the gap were everywhere equal to the mean gap (steps,) [m²/s], NaN where it is unknown.
+    """Return the leakage of a uniform gap that is equal to the mean gap (steps,) [m²/s], NaN where it is unknown.
 
     study : result of a study.
     """

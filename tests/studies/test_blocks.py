@@ -74,9 +74,9 @@ def test_two_processes_compute_the_same_bits_as_one():
         (
             {},
             (3, 2),
-            "blocks: given 3 × 2 of 128 × 128 points, expected numbers of which 4 times di",
+            "blocks: given 3 × 2 of 128 × 128 points, expected numbers of blocks whose 4 × 4 cells di",
         ),
-        ({}, (8, 8), r"blocks: .*parts of at least 8"),
+        ({}, (8, 8), r"blocks: .*at least 8 points"),
         (
             {"fluid_pressure": "trapped"},
             (2, 2),
