@@ -29,9 +29,9 @@ from .error_parts import (
     part_of_changes,
 )
 
-#: The error of ln(leakage) due to removed waves is _ERROR √(s² + o²), where s and o are two estimates. Let r be the mean
-#: square slope of the removed waves, divided by the mean square slope of the remaining waves. The estimate from the
-#: contact state is s = _BY_STATE r^_POWER |d ln(leakage)/d ln(load)|, with the slope of `expected_sensitivity`. The
+#: The error of ln(leakage) due to removed waves is _ERROR √(s² + o²), where s and o are two estimates. Let r be the
+#: mean square slope of the removed waves, divided by the mean square slope of the remaining waves. The estimate from
+#: the contact state is s = _BY_STATE r^_POWER |d ln(leakage)/d ln(load)|, with the slope of `expected_sensitivity`. The
 #: estimate from the octave, o, is the change of ln(leakage) when the shortest octave of the remaining waves is also
 #: removed. It is multiplied by (r/r_o)^_POWER, but at most by 1, where r_o is the same ratio for this octave.
 #: Measured on 90 files of three kinds, see docs/evidence/error_budget.md.

@@ -49,38 +49,38 @@ from .results import Results
 
 @dataclass(frozen=True)
 class RunFacts:
-    """Facts of a run that its dataset stores in addition to the scene and the results of the studies.
+    """Hold the facts of a run that are stored in its dataset, in addition to the scene and the results of the studies.
 
     Attributes
     ----------
     case : mapping
-        The case in SI units, as plain data. Its "seed", if it has one, is also stored as an attribute of the dataset.
+        The case in SI units, as plain data. If the case has a key "seed", it is also an attribute of the dataset.
     surface : mapping
         Description of how the measured surface was conditioned.
     timings : mapping
         Wall time of each stage [s].
     quantiles : (float, float)
-        Lower and upper quantile of the leakage of the realisations, which the dataset stores.
+        Lower and upper quantile of the leakage of the realisations that are stored.
     warnings : tuple of str
         Warnings about the case. The warnings of the studies are appended to them.
     leakage_unit : str or None
-        Unit of the leakage in tables, pictures and the report, see `base.leak_rates`. It has to suit the fluid or the
-        test fluid. By default, a rate per unit seal length that gives readable numbers.
+        Unit of the leakage in tables, pictures and the report, see `base.leak_rates`. It must suit the fluid or the
+        test fluid. By default, the unit is a rate per unit seal length that gives readable numbers.
     budgets : mapping
         Error budget of each study, by the key of the study.
     test : OtherLeakage or None
         Leakage of a test fluid through the same seals.
     classes : sequence of str
-        Names of the leakage classes that are checked at every step. The leakage of the test fluid is checked if there
-        is one, and that of the fluid otherwise.
+        Names of the leakage classes that are checked at every step. If there is a test fluid, its leakage is checked,
+        otherwise the leakage of the fluid.
     nominal_diameter : float or None
         Nominal diameter of the seat [m], which the limits of some classes depend on.
     throughput_temperature : float or None
         Temperature at which the throughput (pressure × volume per time) of a gas is given [K]; by default the
         temperature of the gas.
     valve : mapping
-        Volume of a drop, volume of a bubble and rated capacity of a valve, by their names in
-        `LeakBasis`: `drop_volume`, `bubble_volume` and `capacity`.
+        Properties of a valve that are needed for some units: `drop_volume`, `bubble_volume` and `capacity`, as in
+        `LeakBasis`.
     attributes : mapping
         Further attributes of the dataset.
 
@@ -132,8 +132,8 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
     Raises
     ------
     InputError
-        There is no study; a study has another load programme than the scene; or a leakage unit or class is unknown or
-        does not suit the fluid.
+        There is no study; a study was solved with a load programme that differs from the load programme of the scene;
+        or a leakage unit or class is unknown or does not suit the fluid.
 
     Notes
     -----
@@ -149,13 +149,15 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
     - `budget_part`: sources of error
 
     Its attributes store the case, the conditioning of the surface, versions, the machine, wall times, the peak memory
-    of the main process, warnings and failures. The attribute `solvers` has the number of linear systems by solver and
-    the largest imbalance between the flows at inlet and outlet; `error_budget` has notes on the sources of error.
+    of the main process, warnings and failures. The attribute `solvers` contains the number of linear systems that each
+    solver solved, and the largest imbalance between the flows at inlet and outlet. The attribute `error_budget`
+    contains notes on the sources of error.
     """
     if not studies:
         raise InputError("results", "no study", "at least one")
     if any(study.steps != scene.steps for study in studies):
-        raise InputError("results", "a study of another load programme", "those of the scene")
+        given = "a study with a different load programme than the scene"
+        raise InputError("results", given, "studies of the load programme of the scene")
     # in the order of `STUDIES`, whatever the order of the arguments
     by_key = {
         registered.key: study
@@ -206,7 +208,7 @@ def _add_studies(
         leakage = Field(study.leakage_variable, "m^2/s", long_name, STEP, study.label)
         variables.add(data, leakage, face_result.leakage)
     if face_results:
-        # the last one is the two-scale study if there is one, which has all fields of the deterministic study
+        # if there is a two-scale study, it is the last result, and contains all fields of the deterministic study
         _add_face(data, scene, face_results[-1])
     blocks = by_key.get("blocks")
     if isinstance(blocks, BlocksResult):
@@ -231,9 +233,10 @@ def _add_studies(
 
 
 def _width_of_rows(scene: Scene, stochastic: StudyResult | None) -> float:
-    """Return the distance from inlet to outlet over which the rows of the mean fluid pressure extend [m].
+    """Return the distance from inlet to outlet that is divided into rows [m], for the stored pressure of each row.
 
-    The rows divide the seal of a stochastic study if it has stored their pressure, and the face otherwise.
+    If the stochastic study has stored the pressure of each row, this is the breadth of its seal. Otherwise it is the
+    breadth of the surface.
     """
     if isinstance(stochastic, StochasticResult) and stochastic.row_pressure is not None:
         return stochastic.seal.size[0]
@@ -241,14 +244,14 @@ def _width_of_rows(scene: Scene, stochastic: StudyResult | None) -> float:
 
 
 def _add_row_coordinate(data: xarray.Dataset, width: float) -> None:
-    """Add the positions of the centres of the rows; inlet and outlet are a distance `width` [m] apart."""
+    """Add the positions of the centres of the rows. The distance between inlet and outlet is `width` [m]."""
     count = data.sizes["row"]
     centres = (np.arange(count) + 0.5) * (width / count)
     variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", centres)
 
 
 def _add_face(data: xarray.Dataset, scene: Scene, face: FaceResult) -> None:
-    """Add the fields of a deterministic or two-scale study, and those of its cells if it has cells."""
+    """Add the fields of a deterministic or two-scale study, and the fields of its cells if it has cells."""
     variables.add_declared(data, face)
     variables.add_block_means(data, scene, face)
     if face.cells is None:
@@ -264,8 +267,8 @@ def _add_stochastic(
 ) -> None:
     """Add the fields of a stochastic study.
 
-    They are the leakages of all realisations, the contact states of the face, and the fields of the realisation whose
-    leakage is nearest to the median.
+    These are the leakages of all realisations, the fields of the cells in each contact state of the face, and the
+    fields of the realisation whose leakage is nearest to the median.
     """
     variables.add_realisations(data, result, quantiles)
     variables.add_states(data, result.cells)
@@ -334,7 +337,7 @@ def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts
 
 
 def _leak_basis(scene: Scene, size: Pair, facts: RunFacts) -> LeakBasis:
-    """Return the data that convert leakages of the fluid of a scene to other units.
+    """Return the data that are needed to convert leakages of the fluid of a scene to other units.
 
     Parameters
     ----------
@@ -365,8 +368,8 @@ def _solver_attributes(
         key: vars(study.solvers) | {"systems": dict(study.solvers.systems)}
         for key, study in by_key.items()
     }
-    # The warnings of a study concern the scene and the leakage that this study computed. Only the leakage of the last
-    # study is the answer of the run, so only its warnings are given.
+    # The warnings of a study concern the scene and the leakage that this study computed. The leakage of the last study
+    # is the answer of the run, so that only the warnings of the last study are given.
     last_study = list(by_key.values())[-1]
     all_warnings = [*warnings, *last_study.warnings]
     all_failures = [text for study in by_key.values() for text in study.failures]

@@ -104,9 +104,8 @@ def open_results(folder: AnyPath) -> Results:
     try:
         _check_attributes(results.dataset)
         results.table()
-    except (
-        Exception
-    ) as error:  # variables of a wrong type, shape or dimension cause any kind of error
+    except Exception as error:
+        # variables of a wrong type, shape or dimension can cause any kind of error
         raise inconsistent(path, error) from None
     return results
 
@@ -135,7 +134,7 @@ def _read(path: Path) -> xarray.Dataset:
 
 
 def _with_present_names(data: xarray.Dataset) -> xarray.Dataset:
-    """Give the variables and dimensions of files that an earlier version wrote their present names."""
+    """Rename variables and dimensions that had other names in earlier versions."""
     names = {}
     for name in map(str, (*data.variables, *data.dims)):
         present = name.replace("piece", "cell").replace("places", "patches")
@@ -149,17 +148,18 @@ def _check_attributes(data: xarray.Dataset) -> None:
     """Raise an error if an attribute is missing, is not JSON, or has the wrong type."""
     for name, kind in _JSON_ATTRIBUTES.items():
         if not isinstance(json.loads(data.attrs[name]), kind):
-            raise TypeError(f"the attribute '{name}' is of another kind")
+            raise TypeError(f"the attribute '{name}' must be a JSON {kind.__name__}")
 
 
 def _check_safety(path: Path) -> None:
     """Raise an InputError if a file refers to other files, or needs more memory than is free.
 
-    HDF5 files can contain links to other files. Opening results from someone else must not read such files.
+    HDF5 files can contain links to other files. If results come from someone else, such links must not be followed,
+    because they could point to any file of the reader.
     """
     import h5py
 
-    size = 0  # of all variables, uncompressed [byte]
+    size = 0  # size of all variables without compression [byte]
     with h5py.File(path, "r") as file:
         for name in file:
             link = file.get(name, getlink=True)

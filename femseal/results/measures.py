@@ -1,10 +1,10 @@
-"""Estimate which measure would narrow the 95 % interval of a leakage most, and which would lower the leakage.
+"""Estimate which action would narrow the 95 % interval of a leakage most, and which would lower the leakage.
 
-- A reduced source of error: its contribution to the interval, in terms of ln(leakage), is multiplied by a factor. The
-  other contributions of the error budget remain unchanged.
-- A higher load: the leakage is extrapolated along the loading curve.
-- A smoother finish: the scaling law of contact and flow (see `designs.sensitivities`) gives the leakage, with the
-  sensitivity to the hardness that the error budget contains.
+- A source of error is reduced: its contribution to the interval of ln(leakage) is multiplied by a factor. The other
+  contributions of the error budget do not change.
+- The load is increased: the leakage is extrapolated along the loading curve.
+- The finish is made smoother: the leakage follows from a scaling law, see `_slope_over_heights`. The law contains the
+  sensitivity to the hardness, which is taken from the error budget.
 
 All of this is computed from stored results, without solving any contact or flow.
 """
@@ -23,7 +23,7 @@ from ..studies.patch_interval import error_of_few_carriers
 from .best_leakage import class_interval_of
 from .results import Results
 
-#: Measure that reduces each source of error, by the name of the source in the error budget.
+#: Action that reduces each source of error, by the name of the source in the error budget.
 NARROWED_BY = {
     "blocks": "larger blocks",
     "continuation": "an instrument that sees shorter waves",
@@ -42,16 +42,16 @@ NARROWED_BY = {
     "solver": "a smaller contact.rtol",
     "thin gap": "a smoother face: its gap is not thin against its waves",
 }
-#: Another measure against the error "plastic law" if the case gives the yield stress and not the hardness.
+#: Action against the error "plastic law" if the case gives the yield stress and not the hardness.
 _RATIO_TO_YIELD_STRESS = (
     "the hardness_over_yield that agrees with plastic flow at this roughness, in [material]"
 )
-#: Other measures for a generated surface, which can be made in any size.
+#: Actions for a generated surface, which can be made in any size.
 NARROWED_IF_GENERATED = {
     "patch": "a larger generated surface",
     "longer waves": "a larger generated surface",
 }
-#: Measures of a given size, and the factor by which each of them multiplies the error of ln(leakage) from this source.
+#: Actions of a known extent, and the factor by which each action multiplies the error of ln(leakage) from this source.
 _QUANTIFIED_MEASURES = {
     "pixels": ("twice the points along each side", 2.0**-ORDER),
     "realisations": ("four times as many realisations in [stochastic]", 0.5),
@@ -60,15 +60,15 @@ _QUANTIFIED_MEASURES = {
     "form": ("measuring the form to half its tolerance", 0.5),
     "patches": ("four times as many measured patches", 0.5),
 }
-#: Measures for the source "patch", with the ratio of the larger area to the present one. The factor by which they
+#: Actions for the source "patch", with the ratio of the larger area to the present area. The factor by which they
 #: multiply the error depends on the contact state, see `_patch_factor`.
 _LARGER_PATCH = ("a measured area four times as large", 4.0)
 _LARGER_GENERATED = ("a generated surface with twice the length along each side", 4.0)
-#: The measure for a generated surface that is as wide as the seal already, so that only more length helps.
+#: Action for a generated surface that already is as wide as the seal, so that only more length helps.
 _LONGER_GENERATED = ("a generated surface four times as long along x2", 4.0)
 #: Relative increase of the load whose effect is reported.
 LOAD_INCREASE = 0.1
-#: Ratio of smoother roughness heights to those of the case, whose effect is reported.
+#: Factor by which the roughness heights are multiplied in the smoother finish whose effect is reported.
 HEIGHTS = 0.8
 #: Relative error of the hardness if the case does not give one.
 _HARDNESS_TOLERANCE = 0.1
@@ -78,18 +78,19 @@ _HARDENING_KEYS = ("hardening", "nix_gao_depth", "hardness_table", "coating")
 
 @dataclass(frozen=True)
 class Narrowing:
-    """A measure that makes the 95 % interval of a leakage narrower.
+    """Describe an action that makes the 95 % interval of a leakage narrower.
 
     Attributes
     ----------
     source : str
-        Source of error that the measure reduces.
+        Source of error that the action reduces.
     action : str
-        Description of the measure.
+        Description of the action.
     lower, upper : float
-        Estimated ends of the interval after the measure [m²/s].
+        Estimated ends of the interval after this action [m²/s].
     is_best_case : bool
-        True if the effect of the measure is unknown. The ends then assume that the source vanishes.
+        True if the effect of the action is unknown. Then `lower` and `upper` are computed as if this source of error
+        were removed completely.
     """
 
     source: str
@@ -101,14 +102,14 @@ class Narrowing:
 
 @dataclass(frozen=True)
 class Lowering:
-    """Factors by which a higher load and a smoother finish would multiply the leakage; NaN if unknown.
+    """Hold the factors by which a higher load and a smoother finish would multiply the leakage; NaN if unknown.
 
     Attributes
     ----------
     by_load : float
-        Factor for a load that is higher by the fraction `LOAD_INCREASE`.
+        Factor for a load that is increased by the fraction `LOAD_INCREASE`.
     by_finish : float
-        Factor for roughness heights that are `HEIGHTS` times those of the case.
+        Factor for a finish whose roughness heights are multiplied by `HEIGHTS`.
     """
 
     by_load: float
@@ -116,7 +117,7 @@ class Lowering:
 
 
 def narrowed_by(results: Results, source: str) -> str:
-    """Describe the measure that reduces a source of error; "" if none is known."""
+    """Describe an action that reduces a source of error; "" if none is known."""
     if is_generated(results) and source in NARROWED_IF_GENERATED:
         return NARROWED_IF_GENERATED[source]
     material = results.case.get("material") or {}
@@ -126,16 +127,16 @@ def narrowed_by(results: Results, source: str) -> str:
 
 
 def is_generated(results: Results) -> bool:
-    """Return whether all faces of a run are generated instead of measured."""
+    """Return whether all faces of a run were generated instead of measured."""
     faces = results.case.get("face") or {}
     tables = faces if isinstance(faces, list) else [faces]
     return bool(faces) and all(table.get("kind", "file") != "file" for table in tables)
 
 
 def best_narrowing(results: Results, step: int) -> Narrowing | None:
-    """Find the measure that narrows the 95 % interval at a load step most.
+    """Find the action that narrows the 95 % interval at a load step most.
 
-    It reduces the largest source of error at this step.
+    This action reduces the largest source of error at this step.
 
     Parameters
     ----------
@@ -147,8 +148,8 @@ def best_narrowing(results: Results, step: int) -> Narrowing | None:
     Returns
     -------
     Narrowing or None
-        None without an error budget. Also None if the computed leakage is zero, because the error budget then gives
-        only an upper end.
+        None if there is no error budget. Also None if the computed leakage is zero, because then the interval has no
+        lower end above zero.
     """
     budget = results.budget
     if budget is None or not budget.parts or not np.abs(budget.leakage[step]) > 0:
@@ -158,7 +159,7 @@ def best_narrowing(results: Results, step: int) -> Narrowing | None:
 
 def _narrowing(results: Results, budget: ErrorBudget, source: str, step: int) -> Narrowing:
     """Estimate the 95 % interval at a load step after one source of error has been reduced."""
-    # the factor 0 of a measure of unknown effect assumes that the source of error vanishes
+    # if the effect of an action is unknown, the factor is 0, as if the source of error were removed
     action, factor = _QUANTIFIED_MEASURES.get(source, ("", 0.0))
     if source == "patch":
         action, area_ratio = _larger_patch(results)
@@ -178,28 +179,28 @@ def _narrowing(results: Results, budget: ErrorBudget, source: str, step: int) ->
 
 
 def _larger_patch(results: Results) -> tuple[str, float]:
-    """Return the measure that enlarges the patch, and the ratio of the new area to the present one."""
+    """Return a description of how to enlarge the patch, and the ratio of the enlarged area to the present area."""
     if not is_generated(results):
         return _LARGER_PATCH
     attributes = results.dataset.attrs
-    # results of earlier versions have the name tiles_in_place
+    # earlier versions stored this attribute under the name tiles_in_place
     is_as_wide_as_seal = bool(attributes.get("tiles_in_order", attributes.get("tiles_in_place")))
     return _LONGER_GENERATED if is_as_wide_as_seal else _LARGER_GENERATED
 
 
 def _patch_factor(results: Results, step: int, area_ratio: float) -> float:
-    """Estimate by which factor a larger measured area multiplies the error of ln(leakage) from the source "patch".
+    """Estimate the ratio of the errors of ln(leakage) from the source "patch" with a larger and with the present area.
 
-    The number of blocks that carry the flow grows in proportion to the area, while the contact fraction and the detours
-    remain the same. The calibrated error of a patch therefore changes by its factor for the number of carriers, see
-    `studies.patch_interval.error_of_few_carriers`. If the number of blocks is unknown, the error is assumed to decrease
-    like that of a mean of independent samples.
+    The number of blocks that carry the flow, the carriers, is proportional to the area. All other quantities that
+    determine the error do not depend on the area. The ratio is therefore e(r N)/e(N), with the function e,
+    `error_of_few_carriers`, the present number N of carriers and the ratio r of the areas. If N is unknown, the error
+    is assumed to decrease like the error of a mean of independent samples, in proportion to 1/√r.
 
     Parameters
     ----------
     results : results of a run.
     step : index of the load step.
-    area_ratio : ratio of the larger area to the present one.
+    area_ratio : ratio r of the larger area to the present area.
     """
     data = results.dataset
     factor_of_independent_samples = area_ratio**-0.5
@@ -235,9 +236,9 @@ def lowering(results: Results, leakage: Array, step: int) -> Lowering:
 
 
 def _slope_over_load(results: Results, leakage: Array, step: int) -> float:
-    """Return d ln(leakage)/d ln(load) between a step of the loading and the step before it.
+    """Return d ln(leakage)/d ln(load) between a step on loading and the step with the next lower load.
 
-    The slope is NaN if one of the two leakages is zero or unknown.
+    The slope is NaN if one of the two leakages is zero or unknown, or if there is no lower load.
     """
     steps = results.steps
     loading = np.flatnonzero(steps.on_loading)
@@ -255,11 +256,13 @@ def _slope_over_load(results: Results, leakage: Array, step: int) -> float:
 def _slope_over_heights(results: Results, slope_over_load: float, step: int) -> float:
     """Return d ln(leakage)/d ln(roughness height), for a fluid without slip.
 
-    If all heights are multiplied by a, the gap is a times the gap at load/a and hardness/a. The leakage is therefore a³
-    times the leakage at load/a and hardness/a, and its slope follows from the slopes over load and hardness.
+    Let all heights be multiplied by a. The gap is then a times the gap of the original surface with load/a and
+    hardness/a, and the leakage is a³ times the leakage of the original surface with load/a and hardness/a. The slope
+    over the heights is therefore 3 − s_load − s_hardness, where the latter two are the slopes of ln(leakage) over
+    ln(load) and ln(hardness).
 
-    The slope is NaN if the seal has a form or a seat, which do not scale with the roughness; if the hardness depends on
-    depth; or if the slope over the hardness is unknown, because the error budget has no source "hardness".
+    The slope is NaN in three cases: the seal has a form or a seat, which does not scale with the roughness; the
+    hardness depends on the depth; or s_hardness is unknown, because the error budget has no source "hardness".
     """
     case = results.case
     material: dict[str, Any] = case.get("material") or {}
@@ -274,6 +277,7 @@ def _slope_over_heights(results: Results, slope_over_load: float, step: int) -> 
         leakage = abs(results.budget.leakage[step])
         for part in results.budget.parts:
             if part.name == "hardness" and leakage > 0:
-                # the upper end belongs to a hardness that is higher by its tolerance
-                slope_over_hardness = np.log(abs(part.upper[step]) / leakage) / np.log1p(tolerance)
+                # the upper end is the leakage with a hardness that is higher by its tolerance
+                change = np.log(abs(part.upper[step]) / leakage)
+                slope_over_hardness = change / np.log1p(tolerance)
     return 3.0 - slope_over_hardness - slope_over_load

@@ -1,8 +1,8 @@
 """Read, write and export fields over all pixels of the surface, such as gap, contact pressure and fluid pressure.
 
-These fields are too large for `results.nc`. For each load step, the folder `fields` has a compressed image in single
-precision with all fields that the studies declare over pixels. The file `fields.pvd` lists the images for ParaView, and
-`Results.pixels` reads them. `export_field` writes a single field for other programs.
+These fields are too large for `results.nc`. The folder `fields` contains a compressed image for each load step, with
+all fields that the studies declare over pixels, in single precision. The file `fields.pvd` lists the images for
+ParaView, and `Results.pixels` reads them. `export_field` writes a single field for other programs.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ _BYTES_PER_VALUE = np.dtype(np.float32).itemsize
 
 
 class _PixelField(NamedTuple):
-    """Field over the pixels at one step: its declaration, its values (x1, x2) in SI units, and the pixel size [m]."""
+    """Hold a field over the pixels at a step: its declaration, values (x1, x2) in SI units, and pixel size [m]."""
 
     declaration: Field
     values: Any
@@ -70,14 +70,15 @@ def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
 
     Returns
     -------
-    Indices of the chosen steps, and a list with a sentence about the steps that are left out, if there are any.
+    Indices of the chosen steps, and a list of sentences. If steps are left out, the list contains a sentence that names
+    them, otherwise it is empty.
     """
     size_of_step = sum(_BYTES_PER_VALUE * values[0].size for _, values in _fields_in_memory(run))
     if not size_of_step:
         return np.arange(0), []
     count = run.dataset.sizes["step"]
     fitting = int(min(limit // size_of_step, count))
-    # divide the programme into equal parts and take the step in the middle of each
+    # divide the programme into as many equal parts as steps fit, and choose the step in the middle of each part
     chosen = ((np.arange(fitting) + 0.5) * count / max(fitting, 1)).astype(int)
     if fitting and run.peak not in chosen:
         nearest = np.argmin(np.abs(chosen - run.peak))
@@ -166,7 +167,7 @@ def read_pixels(run: Results, name: str, step: int, cell: Shape | None = None) -
 
 
 def stored_steps(run: Results) -> list[int]:
-    """Return the indices of the steps whose fields over the pixels are in memory, or else in the results folder."""
+    """Return the indices of the steps whose fields over the pixels are in memory or in the results folder."""
     if _fields_in_memory(run):
         return list(range(run.dataset.sizes["step"]))
     return [] if run.folder is None else list(vtk_files.stored_images(run.folder, NAME))
@@ -187,14 +188,14 @@ def _from_folder(run: Results, name: str, step: int) -> _PixelField | None:
     images = {} if run.folder is None else vtk_files.stored_images(run.folder, NAME)
     if step not in images:
         return None
-    # Only the name of the field is known, but the name of its array also contains the unit: try every unit.
+    # The name of an array in the image consists of the name and the unit of the field. The unit is unknown: try all.
     candidates = [Field(name, unit, name.replace("_", " "), PIXEL) for unit in READABLE]
     by_array_name = {field.array_name: field for field in candidates}
     array, image = vtk_files.read_image(images[step], by_array_name)
     if array is None:
         return None
     field = by_array_name[array]
-    # VTK counts the corners of the pixels
+    # the dimensions of a VTK image count the corners of the pixels, which are one more along each side
     shape = tuple(count - 1 for count in image.dimensions[:2])
     values = np.asarray(image.cell_data[array].reshape(shape, order="F"), np.float64)
     return _PixelField(field, values / field.scale, tuple(image.spacing[:2]))
@@ -260,10 +261,11 @@ def export_field(
     if window is not None:
         is_rising = window[0] < window[1] and window[2] < window[3]
         if cell is not None or not is_rising:
-            raise InputError("window", window, "x1 and x2 from and to [m], rising; no cell")
+            expected = "first and last x1, first and last x2 [m] in increasing order, and no `cell`"
+            raise InputError("window", window, expected)
     steps = stored_steps(run) if step is None else [step]
     if not steps:
-        raise InputError("results", f"no {field} over all pixels", WITH_FIELDS)
+        raise InputError("results", f"results without the {field} over all pixels", WITH_FIELDS)
     targets = []
     for step_index in steps:
         values = read_pixels(run, field, step_index, cell)

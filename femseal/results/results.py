@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Results(Plotted):
-    """Results of a run.
+    """Hold the results of a run.
 
     Attributes
     ----------
@@ -95,9 +95,10 @@ class Results(Plotted):
         ----------
         unit : str
             For example "mL/min", "g/year" or "mL/(m·min)", for gases also "mbar·L/s" or "std cm³/s". A unit that is not
-            per unit length gives the leakage of the whole seal. The volume of a gas is given at 101 325 Pa and the
-            temperature of the gas, or at 0 °C in a standard unit. A throughput (pressure × volume per time) is given
-            at the temperature that the case states, by default at the temperature of the gas.
+            per unit length gives the leakage of the whole seal. The volume of a gas is given at 101 325 Pa and at the
+            temperature of the gas. Standard units, such as "std cm³/s", refer to 101 325 Pa and 0 °C. A throughput
+            (pressure × volume per time) is given at the temperature that the case states, by default at the
+            temperature of the gas.
 
         Raises
         ------
@@ -117,8 +118,7 @@ class Results(Plotted):
     def leak_unit(self) -> LeakUnit:
         """Unit in which tables and pictures show the leakage.
 
-        If the case gives no suitable unit, a unit of leakage per length of the seal is chosen that gives readable
-        numbers.
+        If the case gives no suitable unit, it is a leakage per length of the seal, chosen to give readable numbers.
         """
         return best_leakage.unit_of_leakage(self.dataset)
 
@@ -132,12 +132,12 @@ class Results(Plotted):
 
     @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
-        """Unit `leak_unit`, and the leakage per unit seal length that equals 1 in this unit [m²/s]."""
+        """Unit `leak_unit`, and the leakage per unit seal length that corresponds to 1 in this unit [m²/s]."""
         return self.leak_unit, self.leak_basis.factor(self.leak_unit)
 
     @property
     def budgets(self) -> dict[str, ErrorBudget]:
-        """Error budget of each method, by "deterministic", "two_scale" and "stochastic".
+        """Error budgets by the name of their method, such as "deterministic", "two_scale" or "stochastic".
 
         The mapping is empty if the case has output.budget = false.
         """
@@ -157,7 +157,7 @@ class Results(Plotted):
 
     @property
     def class_leakage(self) -> tuple[Array, Array]:
-        """Class leakage (step,), and its values in each realisation (realisation, step) [m²/s]."""
+        """Class leakage (step,), and class leakage of each realisation (realisation, step) [m²/s]."""
         leakage = best_leakage.class_leakage_of(self.dataset)
         return leakage, best_leakage.class_leakage_of_realisations(self.dataset)
 
@@ -165,7 +165,8 @@ class Results(Plotted):
     def class_interval(self) -> tuple[Array, Array] | None:
         """Lower and upper end of the 95 % interval of the class leakage, (step,) [m²/s] each.
 
-        The ends are NaN where unknown. The property is None without an error budget.
+        The ends are NaN where they are unknown. If the run has no error budget, there is no interval, and the result is
+        None.
         """
         return best_leakage.class_interval_of(self.dataset)
 
@@ -181,7 +182,7 @@ class Results(Plotted):
 
     @property
     def verdicts(self) -> tuple[Any, ...]:
-        """Verdict on each leakage class of the case: whether it is met, and from which load on."""
+        """Verdict on each leakage class of the case, which says whether it is met and which load this requires."""
         return tuple(display_package("results").verdicts_of(self))
 
     @property
@@ -218,7 +219,7 @@ class Results(Plotted):
 
     @property
     def open_steps(self) -> list[int]:
-        """Indices of the steps at which the fluid carries the whole load, so that the surfaces are separated."""
+        """Indices of the steps at which the surfaces are separated, because the fluid carries the whole load."""
         return best_leakage.open_steps(self.dataset)
 
     def loading(self) -> xarray.Dataset:
@@ -297,7 +298,7 @@ class Results(Plotted):
     def cell(self, i: int, j: int) -> xarray.Dataset:
         """Return the variables of one cell of the face.
 
-        A two-scale study has them at every load step. A stochastic study has them in every contact state of the face.
+        For a two-scale study, they are given at every load step; for a stochastic study, in every contact state.
 
         Parameters
         ----------
@@ -362,7 +363,7 @@ class Results(Plotted):
             The case does not ask for an accuracy.
         """
         if self.attempts is None:
-            raise InputError("attempts", "a case that asks for no accuracy", "one with it")
+            raise InputError("attempts", "a case without `accuracy`", "a case with `accuracy`")
         return display_package("results").attempts_table(self.attempts)
 
     @property
@@ -418,7 +419,7 @@ def checked_cell(
         There is no such cell, or the dataset has no cells.
     """
     if dims[0] not in data.dims:
-        raise InputError("cell", (i, j), "none: the results have no cells")
+        raise InputError("cell", (i, j), "no cell, because the results have no cells")
     rows, columns = (data.sizes[dim] for dim in dims)
     if i not in range(rows) or j not in range(columns):
         expected = f"0 to {rows - 1} along x1 and 0 to {columns - 1} along x2"

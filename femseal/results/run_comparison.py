@@ -41,7 +41,7 @@ Run = Results | AnyPath
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunComparison(Plotted):
-    """Comparison of several runs, whose loads, methods and seal lengths may differ.
+    """Hold a comparison of several runs, whose loads, methods and seal lengths may differ.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class RunComparison(Plotted):
     keys : tuple of str
         Keys of the case that a sweep has varied; empty if the runs are not from a sweep.
     settings : tuple of tuple of str
-        Values of these keys as texts, one tuple for each run.
+        Values of the varied keys as texts; a tuple for each run.
     """
 
     names: tuple[str, ...]
@@ -102,7 +102,7 @@ class RunComparison(Plotted):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Labels of the runs: the settings of a sweep that differ between runs, otherwise `names`."""
+        """Labels of the runs. For a sweep, these are the settings that differ between runs, otherwise the names."""
         if not self.keys:
             return self.names
         varied = []  # for each key whose values differ, a text for each run
@@ -162,7 +162,8 @@ class RunComparison(Plotted):
             Table with one line for each run. The first columns are the keys of a sweep, or else the name of the run,
             followed by the method if it differs between runs. The other columns give the leakage, with its 95 %
             interval in brackets, at a few load steps that all runs have in common, or else at the highest load of
-            each run. The last column is the rank, from 1 for the least leakage, or the ranks that the intervals allow.
+            each run. The last column is the rank, with 1 for the run that leaks least. If the intervals overlap, it is
+            the range of possible ranks.
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:
@@ -239,7 +240,7 @@ class RunComparison(Plotted):
         return rankings[0]
 
     def _ranking_at(self, step: LoadStep) -> Ranking:
-        """Rank the runs by their leakage at a load step that all of them have."""
+        """Rank the runs by their leakage at a load step that occurs in all of them."""
         leakage = np.full(len(self.runs), np.nan)  # (run,)
         lower = leakage.copy()
         upper = leakage.copy()
@@ -263,7 +264,7 @@ class RunComparison(Plotted):
     def write(
         self, folder: AnyPath, stem: str = "comparison", formats: Sequence[str] = ("png",)
     ) -> list[Path]:
-        """Write the table to a .csv file, and the picture.
+        """Write the table to a .csv file, and the picture to a file in each of the formats.
 
         Parameters
         ----------
@@ -306,8 +307,8 @@ def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None)
         Folders of results, or `Results`. The keys of a mapping are the names of the runs. The runs of a sequence are
         named after their folders.
     unit : str, optional
-        Unit of leakage, such as "mL/min". By default, the unit of the cases if all of them have the same, otherwise a
-        rate per unit seal length that gives readable numbers.
+        Unit of leakage, such as "mL/min". By default, it is the unit of the cases if all cases have the same unit,
+        otherwise a rate per unit seal length that gives readable numbers.
 
     Returns
     -------
@@ -344,7 +345,7 @@ def named(arguments: Sequence[str]) -> Mapping[str, Run] | Sequence[Run]:
         return [path for _, path in pairs]
     names = [name or Path(path).name for name, path in pairs]
     if len(set(names)) < len(names):
-        raise InputError("compare", ", ".join(names), "a name of its own for each run")
+        raise InputError("compare", ", ".join(names), "a different name for each run")
     return dict(zip(names, (path for _, path in pairs), strict=True))
 
 
@@ -373,7 +374,7 @@ def compared(
     repeated = sorted({name for name in names if list(names).count(name) > 1})
     if repeated:
         given = f"two runs named {shown(repeated[0])}"
-        raise InputError("compare", given, "a name of its own for each run")
+        raise InputError("compare", given, "a different name for each run")
     chosen = _common_unit(runs) if unit is None else leak_unit(unit)
     for results in runs:
         results.leak_basis.factor(chosen)  # raises an InputError if the unit is not for the fluid
@@ -382,29 +383,30 @@ def compared(
 
 def _common_unit(runs: Sequence[Results]) -> LeakUnit:
     """Return the leakage unit that all cases ask for, or else a rate per unit seal length with readable numbers."""
-    asked = {results.asked_unit for results in runs}
-    unit = asked.pop() if len(asked) == 1 else None
-    if unit is not None and all(results.leak_basis.has(unit) for results in runs):
+    unit = runs[0].asked_unit
+    is_common = all(results.asked_unit == unit for results in runs)
+    if unit is not None and is_common and all(results.leak_basis.has(unit) for results in runs):
         return unit
     leakages = np.concatenate([results.leakage.values for results in runs])
     return LEAK_UNITS[leakage_unit(leakages)[1]]
 
 
 def _pressure(step: LoadStep) -> float:
-    """Return the pressure of a step, by which steps are sorted."""
+    """Return the pressure of a step, as the key by which steps are sorted."""
     return step.pressure
 
 
 def _names_of(runs: Sequence[Results]) -> tuple[str, ...]:
-    """Name runs after their folders, or by the paths of the folders if two folders have the same name.
+    """Name each run after its folder, or by the path of its folder if two folders have the same name.
 
     A run without a folder is named by its number.
     """
     folders = [results.folder for results in runs]
-    folder_names = [None if folder is None else folder.name for folder in folders]
-    names = _with_numbers(folder_names)
+    names = _with_numbers([None if folder is None else folder.name for folder in folders])
     are_different = len(set(names)) == len(names)
-    return names if are_different else _with_numbers(folders)
+    if are_different:
+        return names
+    return _with_numbers(folders)
 
 
 def _with_numbers(names: Sequence[str | Path | None]) -> tuple[str, ...]:

@@ -1,8 +1,8 @@
 """Add variables to the dataset of a run.
 
-Most of them are fields that the results of the studies declare; others are computed from several results. A variable
-over the load steps becomes a column of the file `table.csv`, and of the printed table if it has a heading. A variable
-over cells, or over the tiles of a realisation, becomes an array for ParaView.
+Most variables are fields that the results of the studies declare; others are computed from several results. A variable
+over the load steps becomes a column of the file `table.csv`, and also of the printed table if it has a heading. A
+variable over cells, or over the tiles of a realisation, becomes an array for ParaView.
 """
 
 from __future__ import annotations
@@ -80,19 +80,19 @@ def add_new(
     dims: Dimensions = STEP,
     **attrs: Any,
 ) -> None:
-    """Add a field that no result declares; the arguments are explained in `Field` and `add`."""
+    """Add a variable that is not declared by a result; the arguments are explained in `Field` and `add`."""
     add(data, Field(name, unit, long_name, dims), values, **attrs)
 
 
 def add_coordinate(
     data: xarray.Dataset, name: str, unit: str, long_name: str, values: Any, dim: str = ""
 ) -> None:
-    """Add a coordinate along the dimension `dim`, by default the dimension with the name of the coordinate."""
+    """Add a coordinate along the dimension `dim`. By default, the dimension has the same name as the coordinate."""
     data.coords[name] = (dim or name, values, {"units": unit, "long_name": long_name})
 
 
 def add_declared(data: xarray.Dataset, result: Any) -> None:
-    """Add all declared fields of a result except those over all pixels, which are too large."""
+    """Add all declared fields of a result, except the fields over all pixels, which are too large."""
     for declaration, values in fields_of(result):
         if declaration.dimensions != PIXEL and np.size(values):
             add(data, declaration, values)
@@ -107,25 +107,26 @@ def add_load_steps(data: xarray.Dataset, dim: str, prefix: str, steps: Sequence[
     Parameters
     ----------
     data : dataset that is extended.
-    dim : dimension of the load steps, or of the contact states of a face.
+    dim : name of the dimension, "step" for load steps or "state" for the contact states of a face.
     prefix : text at the beginning of the names of the coordinates.
-    steps : load steps, or loads of the contact states.
+    steps : load steps, or load steps at which the contact states were solved.
     """
     pressures, peaks = pressures_and_peaks(steps)
     branch = [step.branch for step in steps]
     names = [step.name for step in steps]
     add_coordinate(data, dim, "1", "index of the load step", np.arange(len(steps)))
-    for name, unit, long_name, values in (
-        ("branch", "1", "branch of the load cycle", branch),
-        ("nominal_pressure", "Pa", "nominal pressure", pressures),
-        ("unloaded_from", "Pa", "nominal pressure from which the step is unloaded", peaks),
-        ("name", "1", "name of the load step", names),
-    ):
+
+    def add_along(name: str, unit: str, long_name: str, values: Any) -> None:
         add_coordinate(data, f"{prefix}{name}", unit, long_name, values, dim)
+
+    add_along("branch", "1", "branch of the load cycle", branch)
+    add_along("nominal_pressure", "Pa", "nominal pressure", pressures)
+    add_along("unloaded_from", "Pa", "nominal pressure from which the step is unloaded", peaks)
+    add_along("name", "1", "name of the load step", names)
 
 
 def add_cell_centres(data: xarray.Dataset, prefix: str, cut: Cut) -> None:
-    """Add the coordinates of the centres of the cells of a face; their names begin with `prefix`."""
+    """Add the positions of the centres of the cells of a face as coordinates, whose names begin with `prefix`."""
     x1, x2 = cut.centres
     add_coordinate(data, f"{prefix}cell1", "m", "x1 of the centres of cells, from the inlet", x1)
     add_coordinate(data, f"{prefix}cell2", "m", "x2 of the centres of cells, along the seal", x2)
@@ -157,8 +158,8 @@ def add_realisations(
 def add_states(data: xarray.Dataset, cells: FaceCells) -> None:
     """Add the contact states of the face and, for each state, the fields of the cells of the face.
 
-    The fields of cells are renamed from "cell_..." to "state_...", because the load steps of the run may differ from
-    the loads of these states.
+    In a stochastic study, the contact states may have other loads than the load steps of the run. The fields of the
+    cells are therefore renamed from "cell_..." to "state_...".
     """
     add_load_steps(data, "state", "state_", cells.steps)
     add_cell_centres(data, "state_", cells.cut)
@@ -169,14 +170,15 @@ def add_states(data: xarray.Dataset, cells: FaceCells) -> None:
             declaration = replace(
                 declaration, name=name, long_name=long_name, dimensions=CELL_STATE
             )
-        if declaration.dimensions == STATE or not np.isnan(values).all():
+        is_known = not np.isnan(values).all()
+        if declaration.dimensions == STATE or is_known:
             add(data, declaration, values)
 
 
 def add_patches(
     data: xarray.Dataset, patches: Patches, result: PatchLeakage, gaps: NDArray[Any] | None
 ) -> None:
-    """Add the leakage of each measured patch, the scatter of the patches, and maps of the patch that leaks most.
+    """Add the leakage of each measured patch, the scatter between patches, and maps of the patch that leaks most.
 
     Parameters
     ----------
@@ -206,7 +208,7 @@ def add_patches(
 
 
 def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> None:
-    """Add the fields over all pixels of a study, averaged over blocks of pixels.
+    """Add averages over blocks of pixels for all fields of a study that are defined on pixels.
 
     The fields themselves are too large for the dataset.
     """
@@ -222,7 +224,7 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> No
 def add_blocks(
     data: xarray.Dataset, dims: tuple[str, str], face: Surface, largest_count: int
 ) -> None:
-    """Add the coordinates of the centres of the blocks into which the pixels of a face are grouped.
+    """Add the positions of the centres of the blocks into which the pixels of a face are grouped.
 
     Parameters
     ----------
@@ -242,9 +244,9 @@ def block_means(values: NDArray[Any], largest_count: int) -> NDArray[np.float32]
 
     Parameters
     ----------
-    values : values at the pixels (n1, n2). NaN is left out of the means.
+    values : values at the pixels (n1, n2). NaN values are ignored in the averages.
     largest_count : largest number of blocks along each side. If the number of pixels is not a multiple of the number
-        of blocks, some blocks are longer by a pixel.
+        of blocks, some blocks are one pixel longer than the others.
 
     Returns
     -------
@@ -265,7 +267,7 @@ def block_means(values: NDArray[Any], largest_count: int) -> NDArray[np.float32]
 
 
 def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis) -> None:
-    """Add the leakage of the whole seal as volume and mass flow rate and in all other suitable units.
+    """Add the leakage of the whole seal as a volume rate, as a mass rate, and in all other suitable units.
 
     For a gas, the throughput (pressure × volume per time) is added as well.
 
@@ -283,16 +285,17 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
         volume_state = f" at {basis.temperature:g} K and {basis.pressure:g} Pa"
     if basis.throughput_temperature is not None:
         throughput_state = f" at {basis.throughput_temperature:g} K"
-    for suffix, unit, si_unit, measure in (
-        ("", "m³/s", "m^3/s", f"by volume{volume_state}"),
-        ("_mass", "kg/s", "kg/s", "by mass"),
-        ("_throughput", "Pa·m³/s", "Pa*m^3/s", f"pressure × volume{throughput_state}"),
-    ):
-        leak_unit = LEAK_UNITS[unit]
-        if basis.has(leak_unit):
-            values = leakage.values / basis.factor(leak_unit)
+
+    def add_total(suffix: str, unit_name: str, si_unit: str, measure: str) -> None:
+        unit = LEAK_UNITS[unit_name]
+        if basis.has(unit):
+            values = leakage.values / basis.factor(unit)
             long_name = f"leakage of the whole seal, {statistic}, {measure}"
             add_new(data, f"leakage_total{suffix}", si_unit, long_name, values)
+
+    add_total("", "m³/s", "m^3/s", f"by volume{volume_state}")
+    add_total("_mass", "kg/s", "kg/s", "by mass")
+    add_total("_throughput", "Pa·m³/s", "Pa*m^3/s", f"pressure × volume{throughput_state}")
     units = basis.units()
     add_coordinate(data, "leak_unit", "1", "unit of leakage", [unit.name for unit in units])
     in_units = np.array([leakage.values / basis.factor(unit) for unit in units])
@@ -301,7 +304,7 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
 
 
 def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> None:
-    """Add the 95 % interval of every leakage, and the interval due to each source of error alone.
+    """Add the 95 % interval of every leakage, and the interval that each source of error would cause alone.
 
     Parameters
     ----------
@@ -320,7 +323,7 @@ def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> Non
 
 
 def _add_budget(data: xarray.Dataset, method: str, budget: ErrorBudget, sources: list[str]) -> None:
-    """Add the 95 % interval of one method, and the interval due to each of the sources alone."""
+    """Add the 95 % interval of one method, and the interval that each of the sources would cause alone."""
     parts = {part.name: part for part in budget.parts}
     numerical = budget.numerical
     name = f"leakage_{method}_budget"
@@ -352,9 +355,10 @@ def add_test_fluid(
     ----------
     data : dataset that is extended.
     test : leakage of the test fluid.
-    service : fluid of the run and its pressures. Attributes store the ratios of the two leakages in the limits of
-        viscous and of molecular flow.
-    throughput_temperature : temperature at which the throughput of a gas is given [K]; None for that of the gas.
+    service : fluid of the run and its pressures. The ratios of the two leakages in viscous flow and in molecular flow
+        are stored as attributes.
+    throughput_temperature : temperature at which the throughput of a gas is given [K]; None for the temperature of the
+        gas itself.
     valve : arguments of `LeakBasis` that describe the valve.
     """
     long_name = "leakage per unit seal length, test fluid"
@@ -377,7 +381,7 @@ def add_test_fluid(
 
 
 def fluid_text(fluid: Fluid) -> str:
-    """Describe a fluid by its kind and parameters, or by its `repr` if it is a class of the user.
+    """Describe a fluid by its kind and parameters, or by its `repr` if its class was defined by the user.
 
     >>> import femseal as fs
     >>> fluid_text(fs.IdealGas(1.8e-5, 0.029, 293.0))

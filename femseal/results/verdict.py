@@ -5,9 +5,9 @@ The report, the tables, the answer of a design and the terminal all take their s
 `verdict_text` puts it into words.
 
 Between load steps, ln(leakage) is interpolated linearly in ln(pressure). If the seal opens or closes between two steps,
-or if one of them has zero load, no interpolation is possible. The required load is then that of the step at which the
-limit is kept. Nothing is extrapolated beyond the load steps: the required load is then only known to lie above the
-highest or below the lowest step.
+or if one of them has zero load, no interpolation is possible; the load of the step that meets the limit is then taken
+as the required load. Nothing is extrapolated beyond the load steps. The required load may then only be known to lie
+above the highest or below the lowest load.
 
 A class is not met at a load at which the computation failed, at which the fluid carries the whole load, or at which the
 computed leakage is zero but its error has no upper bound.
@@ -38,10 +38,11 @@ INTERVAL = "the whole 95 % interval"
 
 @dataclass(frozen=True)
 class NeededPressure:
-    """Nominal pressure that is required to keep the leakage within a limit.
+    """Hold the nominal pressure that is required to keep the leakage within a limit.
 
-    On loading, the limit is met at this pressure and above. On unloading, it is kept down to this pressure. A required
-    pressure is inf if no load of the run is sufficient, and 0 if the lowest load of the run is sufficient.
+    On loading, the leakage is within the limit at this pressure and above. On unloading, it stays within the limit down
+    to this pressure. A required pressure is inf if no load of the run is sufficient, and 0 if the lowest load of the
+    run is sufficient.
 
     Attributes
     ----------
@@ -53,7 +54,7 @@ class NeededPressure:
     low : float
         Required pressure if the leakage is at the lower end of its interval [Pa].
     lowest, highest : float
-        Lowest and highest load of the run [Pa], between which the required pressure is searched.
+        Lowest and highest load of the run [Pa]. The required pressure is only known if it lies between them.
     on_unloading : bool
         True if the pressure refers to unloading after an assembly at `highest`, False if it refers to loading.
     has_interval : bool
@@ -80,23 +81,23 @@ class NeededPressure:
 
     @property
     def relation(self) -> str:
-        """Relation between the required pressure and `bound(value)`, "=" if it is known, otherwise "<=" or ">"."""
+        """Sign between the required pressure and `bound(value)`, which is "=" if the required pressure is known."""
         if self.value == inf:
             return ">"
         return "<=" if self.value == 0 else "="
 
     def bound(self, value: float) -> float:
-        """Replace a required pressure of inf or 0 by the load that bounds it: the highest or the lowest one."""
+        """Replace a required pressure of inf by the highest load, and a required pressure of 0 by the lowest load."""
         if value == inf:
             return self.highest
         return self.lowest if value == 0 else value
 
     def words(self, value: float, load_text: LoadText) -> str:
-        """Say from which load on, or down to which load, the limit is kept.
+        """Say at which loads the leakage is within the limit, such as "from 40 MPa on" or "down to 20 MPa".
 
         Parameters
         ----------
-        value : required pressure: `value`, `computed` or `low`.
+        value : one of the required pressures `value`, `computed` and `low` of this object [Pa].
         load_text : function that converts a nominal pressure to text.
         """
         load = load_text(self.bound(value))
@@ -109,7 +110,10 @@ class NeededPressure:
         return f"at every load from {load} on" if value == 0 else f"from {load} on"
 
     def text(self, load_text: LoadText) -> str:
-        """Say which load is required with the 95 % interval, and in brackets by the computed leakage if it differs."""
+        """Name the load that is required if the whole 95 % interval must meet the limit.
+
+        If a different load is required for the computed leakage to meet the limit, it is added in brackets.
+        """
         value = self.words(self.value, load_text)
         computed = self.words(self.computed, load_text)
         return value if value == computed else f"{value} (as computed: {computed})"
@@ -117,7 +121,7 @@ class NeededPressure:
 
 @dataclass(frozen=True, eq=False)
 class LeakageCurve:
-    """Leakage over a load cycle with its 95 % interval, which decides on leakage classes.
+    """Hold the leakage over a load cycle with its 95 % interval, which decides on leakage classes.
 
     Attributes
     ----------
@@ -126,8 +130,8 @@ class LeakageCurve:
     leakage : array
         Absolute value of the leakage per unit seal length, (step,) [m²/s]; inf if nothing is known about it.
     lower, upper : array
-        Ends of the 95 % interval, (step,) [m²/s]. Because the leakage decreases with the load, the intervals at other
-        loads can narrow the interval at a load. Without an interval, both ends are equal to the leakage.
+        Ends of the 95 % interval, (step,) [m²/s]. They are consistent with the fact that the leakage does not increase
+        with the load, see `within_others`. Without an interval, both ends are equal to the leakage.
     has_interval : bool
         True if the 95 % interval is known.
     """
@@ -192,14 +196,15 @@ class LeakageCurve:
         limit : float
             Largest permitted leakage per unit seal length [m²/s].
         peak : float, optional
-            Load from which the seal is unloaded [Pa]. If it is given, the result is the load down to which the limit
-            is kept on unloading; otherwise it is the load from which on the limit is met on loading.
+            Load from which the seal is unloaded [Pa]. If a peak is given, the result refers to unloading from it: it is
+            the lowest load at which the leakage is still within the limit. By default, the result refers to loading: it
+            is the load that must be reached for the leakage to be within the limit.
         """
         steps = falling_steps(self.steps, peak)
         return self._needed(self.steps.pressures[steps], steps, limit, peak is not None)
 
     def needed_with_relaxation(self, limit: float, relaxation: float) -> NeededPressure:
-        """Return the assembly pressure with which the leakage stays within a limit after relaxation.
+        """Return the assembly pressure that is required for the leakage to stay within a limit after relaxation.
 
         Parameters
         ----------
@@ -218,11 +223,11 @@ class LeakageCurve:
 
         Parameters
         ----------
-        pressures : pressure by which each step is identified, in falling order [Pa]. After relaxation, it is the
-            assembly pressure instead of the pressure of the step.
+        pressures : pressure that is reported for each step, in falling order [Pa]. For steps after relaxation, this is
+            the assembly pressure; for all others, it is the nominal pressure of the step.
         steps : indices of the steps whose leakage is compared with the limit.
         limit : largest permitted leakage per unit seal length [m²/s].
-        on_unloading : True if the steps are those of an unloading.
+        on_unloading : True if the steps belong to an unloading.
         """
         curves = np.stack([self.leakage, self.lower, self.upper])  # (curve, step)
         computed, by_lower, by_upper = crossings(pressures, curves[:, steps], limit).tolist()
@@ -238,9 +243,9 @@ class LeakageCurve:
 
     @property
     def assembly_step(self) -> int:
-        """Index of the step of the assembly.
+        """Index of the load step that represents the assembly.
 
-        It is the highest load from which the seal is unloaded, or the highest load if the cycle has no unloading.
+        Its load is the highest load from which the seal is unloaded, or the highest load if the cycle has no unloading.
         """
         loading = np.flatnonzero(self.steps.on_loading)
         pressures = self.steps.pressures[loading]
@@ -262,7 +267,7 @@ def falling_steps(steps: LoadProgramme, peak: float | None = None) -> Indices:
 
 
 def relaxed_steps(steps: LoadProgramme, relaxation: float) -> tuple[Array, Indices]:
-    """Return the peaks [Pa], from the highest to the lowest, and the index of the step after relaxation from each."""
+    """Return all peaks in falling order [Pa], and for each peak the index of the step after relaxation from it."""
     index_of = {step: index for index, step in enumerate(steps)}
     peaks = np.array(steps.unload_from[::-1])
     steps_after = [LoadStep(relaxed(peak, relaxation), peak) for peak in peaks.tolist()]
@@ -289,7 +294,8 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
     """
     is_within = within(leakage, limit)  # (seal, step)
     seals = np.arange(len(leakage))
-    # step at which the limit is first exceeded, and the step before it; both are 0 if there is no such step
+    # For each seal, the first step that exceeds the limit, and the step before it; `argmin` finds the first False. Both
+    # are 0 if no step exceeds the limit, or if the first step does. These cases are treated at the end.
     first_above = np.argmin(is_within, axis=1)
     last_within = np.maximum(first_above - 1, 0)
     pressure_within, pressure_above = pressure[last_within], pressure[first_above]
@@ -297,6 +303,7 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
     can_interpolate = (
         (leakage_within > 0) & (pressure_above > 0) & (leakage_above > leakage_within) & (limit > 0)
     )
+    # linear interpolation of ln(leakage) over ln(pressure) between the two steps
     with np.errstate(divide="ignore", invalid="ignore"):
         fraction = np.log(limit / leakage_within) / np.log(leakage_above / leakage_within)
         fraction = np.clip(np.where(can_interpolate, fraction, 0.0), 0, 1)
@@ -308,7 +315,7 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Verdict on a leakage class: whether a run meets it, and from which load on.
+    """Hold the verdict on a leakage class: whether a run meets it, and which load this requires.
 
     Attributes
     ----------
@@ -325,20 +332,22 @@ class Verdict:
     met_as_computed : bool
         True if the computed leakage at the assembly load meets the class.
     met_with_interval : bool or None
-        True if the whole 95 % interval at the assembly load meets the class; None without an interval.
+        True if even the upper end of the 95 % interval at the assembly load meets the class; None if there is no
+        interval.
     may_be_met : bool
         True if the lower end of the interval at the assembly load meets the class.
     unknown : str
         Reason why nothing is known about the leakage at the assembly load, "" if it is known.
     assembly : NeededPressure
-        Load from which on the class is met.
+        Load that is required on loading for the class to be met.
     service : dict
-        Load down to which the class is kept on unloading, by the assembly pressure [Pa].
+        Lowest load on unloading at which the class is still met, for each peak from which the seal is unloaded. The
+        keys are the peaks [Pa].
     vague_load : float
-        Nominal pressure at which the computed leakage meets the class, but not the whole interval [Pa]; NaN if there is
-        no such load.
+        Nominal pressure at which the computed leakage meets the class, but the upper end of its interval does not [Pa];
+        NaN if there is no such load.
     widest_source, narrowed_by : str
-        Largest source of error at `vague_load`, and the measure that reduces it.
+        Largest source of error at `vague_load`, and the action that reduces it.
     failed : tuple of str
         Names of the load steps at which the computation failed.
     """
@@ -361,7 +370,7 @@ class Verdict:
 
     @property
     def answer(self) -> str:
-        """Text that says whether the computed leakage and the whole interval meet the class at the assembly load."""
+        """Text that says whether the class is met at the assembly load, by the computed leakage and by its interval."""
         if self.unknown:
             return f"not met, as {self.unknown}"
         if not self.met_as_computed and self.may_be_met:
@@ -405,17 +414,19 @@ def verdicts_of(
 
 
 def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> Verdict:
-    """Judge whether a run meets one limit, and find the measure that would narrow the interval of its leakage."""
+    """Judge whether a run meets one limit, and find the action that would narrow the interval of its leakage."""
     steps = curve.steps
     assembly_step = curve.assembly_step
     is_met = within(curve.leakage, limit)
     is_met_with_interval = within(curve.upper, limit)
-    # steps at which the computed leakage meets the class, but not the whole interval
+    # steps on loading at which the computed leakage meets the limit, but the upper end of its interval does not
     vague_steps = np.flatnonzero(is_met & ~is_met_with_interval & steps.on_loading)
     interval_facts: dict[str, Any] = {}
     budget = results.budget
     if vague_steps.size and budget is not None:
-        step = assembly_step if assembly_step in vague_steps else int(vague_steps[-1])
+        step = int(vague_steps[-1])
+        if assembly_step in vague_steps:
+            step = assembly_step
         source = budget.limiting(step)
         interval_facts = {
             "vague_load": float(steps.pressures[step]),
@@ -452,7 +463,7 @@ def why_unknown(results: Results, step: int) -> str:
 
 
 def deciding_fluid(results: Results) -> str:
-    """Return the name of the fluid of the class leakage, "the gas" or "the liquid" if the case gives no name."""
+    """Return the name of the fluid that decides on leakage classes; "the gas" or "the liquid" if it has no name."""
     case = results.case
     has_test_fluid = "test_leakage" in results.dataset
     table = case.get("output", {}).get("test_fluid") if has_test_fluid else case.get("fluid")

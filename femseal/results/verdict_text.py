@@ -1,7 +1,7 @@
 """Put the verdict on a run into words and into a table, for the terminal, the report and the answer of a design.
 
-`verdict_paragraphs` says whether each leakage class is met and from which load on, how much the seal leaks at the
-assembly load, which measure would help most, and whether the requested accuracy was reached.
+`verdict_paragraphs` says whether each leakage class is met and which load this requires, how much the seal leaks at the
+assembly load, which action would help most, and whether the requested accuracy was reached.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ _LEAST_MASS, _MOST_MASS = 1e-6 / 3.15576e7, 1e4 / 3.15576e7
 def verdict_paragraphs(
     results: Results, verdicts: Sequence[Verdict] | None = None
 ) -> list[Paragraph]:
-    """Say whether the seal is tight enough, how certain this is, and which measure would help most.
+    """Say whether the seal is tight enough, how certain this is, and which action would help most.
 
     Parameters
     ----------
     results : Results
         Results of a run.
     verdicts : sequence of Verdict, optional
-        Verdicts on leakage classes; by default those on the classes of the case.
+        Verdicts on leakage classes; by default the verdicts on the classes of the case.
 
     Returns
     -------
@@ -74,7 +74,7 @@ def verdict_lines(results: Results, verdicts: Sequence[Verdict] | None = None) -
 
 
 class _Answer:
-    """Write the sentences about one run. They all use its leakage curve and its assembly load."""
+    """Write the sentences about one run, which all use its leakage curve and its assembly load."""
 
     def __init__(self, results: Results) -> None:
         self.results = results
@@ -92,14 +92,14 @@ class _Answer:
     # --- leakage in usual units ---
 
     def usual_unit(self, value: float) -> LeakUnit:
-        """Return the unit for the leakage of the whole seal: that of the case, or a usual one for `value` [m²/s]."""
+        """Return the unit for the leakage of the whole seal: the unit of the case, or one that suits `value` [m²/s]."""
         basis, asked = self.results.class_basis, self.results.asked_unit
         if asked is not None and not asked.per_length and basis.has(asked):
             return asked
         return basis.usual_unit(value)
 
     def value_at(self, step: int, unit: LeakUnit | None = None) -> str:
-        """Return the leakage of a step with its unit, "sealed", or the reason why it is unknown, as text."""
+        """Return the leakage at a step as text with its unit, as "sealed", or the reason why it is unknown."""
         leakage = float(self.curve.leakage[step])
         if not isfinite(leakage):
             return f"unknown, as {why_unknown(self.results, step)}"
@@ -109,15 +109,16 @@ class _Answer:
 
     def assembly_leakage(self, unit: LeakUnit | None = None) -> str:
         """Return the leakage at the assembly load with its 95 % interval, as text."""
-        leakage, lower, upper = (
-            float(values[self.step])
-            for values in (self.curve.leakage, self.curve.lower, self.curve.upper)
-        )
+        leakage = float(self.curve.leakage[self.step])
+        lower = float(self.curve.lower[self.step])
+        upper = float(self.curve.upper[self.step])
         if not isfinite(leakage):
             return self.value_at(self.step)
-        # a leakage of zero has no suitable unit, but its upper end has
-        shown_leakage = leakage or (upper if isfinite(upper) else 0.0)
-        chosen = unit or self.usual_unit(shown_leakage)
+        # the unit suits the leakage, or the upper end of the interval if the leakage is zero
+        size = leakage
+        if leakage == 0 and isfinite(upper):
+            size = upper
+        chosen = unit or self.usual_unit(size)
         text = self.value_at(self.step, chosen)
         if not self.curve.has_interval:
             return f"{text} (without an interval)"
@@ -144,9 +145,10 @@ class _Answer:
     # --- paragraphs ---
 
     def about_class(self, verdict: Verdict, count: int) -> Paragraph:
-        """Say whether a class is met, from which load on, and how large the deciding leakage is.
+        """Say whether a class is met, which load this requires, and how large the deciding leakage is.
 
-        `count` is the number of classes; if it is large, the required loads are left to the table.
+        `count` is the number of classes. If there are many classes, the required loads are not described here, because
+        the table contains them.
         """
         is_described = count <= _MOST_IN_SENTENCES
         sentences = verdict_sentences(verdict, self.load_text, whole=is_described)
@@ -220,7 +222,7 @@ class _Answer:
         return [f"In service with {name} the whole seal leaks as computed there: {text}."]
 
     def about_measures(self, verdicts: Sequence[Verdict]) -> Paragraph:
-        """Say which measure would narrow the interval most, and which would lower the leakage if a class is not met."""
+        """Say which action would narrow the interval most, and which would lower the leakage if a class is not met."""
         if verdicts and all(verdict.met_with_interval for verdict in verdicts):
             return self._narrowing(self._vague_step(verdicts))
         sentences = []
@@ -236,9 +238,9 @@ class _Answer:
         return sentences
 
     def _vague_step(self, verdicts: Sequence[Verdict]) -> int | None:
-        """Return the index of the highest load at which the computed leakage meets a class, but not the whole interval.
+        """Return the highest load step at which the leakage meets a class, but the upper end of its interval does not.
 
-        Loads without computed leakage are left out. The result is None if there is no such load.
+        Load steps at which the computed leakage is 0 are left out. The result is None if there is no such step.
         """
         for step in falling_steps(self.curve.steps, None).tolist():
             leakage = self.curve.leakage[step]
@@ -248,9 +250,11 @@ class _Answer:
         return None
 
     def _narrowing(self, step: int | None) -> Paragraph:
-        """Describe the measure that narrows the interval at a load step most; the list is empty if none is known."""
-        narrowing = None if step is None else best_narrowing(self.results, step)
-        if step is None or narrowing is None:
+        """Describe the action that narrows the interval at a load step most; the list is empty if none is known."""
+        if step is None:
+            return []
+        narrowing = best_narrowing(self.results, step)
+        if narrowing is None:
             return []
         leakage = float(self.curve.leakage[step])
         unit = self.usual_unit(leakage)
@@ -268,7 +272,7 @@ class _Answer:
         ]
 
     def _lowering(self) -> str:
-        """Say how a higher load and a smoother finish would change the leakage at the assembly load, "" if unknown."""
+        """Say how a higher load and a smoother finish would change the leakage at the assembly load; "" if unknown."""
         leakage = self.results.class_leakage[0]
         if not 0 < float(self.curve.leakage[self.step]) < inf:
             return ""
@@ -307,7 +311,7 @@ def _about_accuracy(results: Results) -> Paragraph:
 
 
 def _hints(results: Results, verdicts: Sequence[Verdict]) -> Paragraph:
-    """Name the keys of the case that would add missing parts of the verdict."""
+    """Name the keys of the case with which missing parts of the verdict would be computed."""
     hints = []
     if results.budget is None:
         hints.append("The run has no error budget; output.budget = true gives the interval.")
@@ -328,12 +332,12 @@ def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = Tr
     load_text : callable
         Function that converts a nominal pressure [Pa] to text.
     whole : bool
-        False leaves out the required loads.
+        True to write the whole verdict, False to leave out the sentences on the required loads.
 
     Returns
     -------
     list of str
-        Sentences, of which the first one is the answer.
+        Sentences. The first sentence is the answer.
     """
     subject = f"Class {verdict.name} with {verdict.fluid}"
     if verdict.is_own_limit:
@@ -356,7 +360,7 @@ def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = Tr
 
 
 def _required_loads(needed: NeededPressure, load_text: LoadText) -> str:
-    """Say which load is required by the computed leakage, and with the whole interval if there is one."""
+    """Name the load that the computed leakage requires, and the load that the whole interval requires."""
     as_computed = needed.words(needed.computed, load_text)
     if not needed.has_interval:
         return f"{as_computed} as computed"
@@ -391,8 +395,8 @@ def verdict_table(
     more : iterable
         Heading and texts of each additional column.
     names : (str, str)
-        Heading of the load from which on a class is met, and heading of the load down to which it is kept after an
-        assembly. In the second one, {} is replaced by the assembly load.
+        Headings of two kinds of columns: the load that is required to meet a class on loading, and the lowest load at
+        which it is still met on unloading. In the second heading, {} is replaced by the peak of the unloading.
     """
     load_text = short_loads(results)
     columns: list[tuple[str, list[str]]] = [("class", [verdict.name for verdict in verdicts])]

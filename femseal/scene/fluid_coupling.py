@@ -1,9 +1,9 @@
 """Solve contact and flow together if the fluid pressure acts on the surfaces.
 
 The traction between the surfaces is t = p + p_f, the sum of contact pressure p >= 0 and fluid pressure p_f. The contact
-problem under a given p_f yields the gap; it is solved for the initial gap h₁ + K p_f and the load p̄ − mean(p_f), where
-p̄ is the nominal pressure (see `contact.solve_contact`). The flow problem in this gap yields p_f. Both problems are
-solved in turn until the permeability no longer changes. If no contact can balance p̄, the surfaces separate.
+problem under a given p_f yields the gap. It is solved for the initial gap h₁ + K p_f and the load p̄ − mean(p_f), where
+p̄ is the nominal pressure (see `contact.solve_contact`). The flow problem in this gap yields p_f. The two problems are
+solved in turn until the permeability no longer changes. If no contact pressure can balance p̄, the surfaces separate.
 
 p_f is measured relative to the pressure of the surroundings, which acts on the outside of the bodies. In contact areas,
 and in pockets without flow, p_f is interpolated by Laplace's equation Δp_f = 0 from the pressures around them.
@@ -49,9 +49,9 @@ _LEAST_CONTACT_SHARE = 0.01
 _FIRST_LOADS = np.array([1e-4, 1e-2, 1e-1])
 #: Factor between successive contact loads in the search for an upper bracket.
 _LOAD_FACTOR = 3.0
-#: Relative error of the contact load that the search finds.
+#: Relative error of the contact load in this search.
 _LOAD_RTOL = 1e-4
-#: Factor on the tolerance of the iteration within this search.
+#: Factor by which the tolerance of the iteration is multiplied within this search.
 _SEARCH_TOLERANCE = 0.1
 #: Number of rounds without flow after which a surface with trapped liquid counts as closed.
 _CLOSED_ROUNDS = 4
@@ -64,13 +64,13 @@ _MOST_OF_HARDNESS = 0.9
 
 @dataclass(frozen=True, kw_only=True)
 class CoupledContact(Contact):
-    """Solution of a contact in equilibrium with the fluid pressure of the flow through its gap.
+    """Hold the solution of a contact in equilibrium with the fluid pressure of the flow through its gap.
 
     Attributes
     ----------
     flow : FaceFlow or Failed
-        Flow through the gap. `Failed` with the reason if the surfaces separate, in which case the gap is that of first
-        touch, or if the iteration did not converge, in which case it is the gap of the last round.
+        Flow through the gap. It is `Failed`, with a reason, in two cases. If the surfaces separate, the contact is at
+        first touch. If the iteration did not converge, contact and gap belong to the last round.
     carried : float
         Mean pressure that the fluid carries [Pa].
     rounds : int
@@ -87,7 +87,7 @@ class CoupledContact(Contact):
 
 @dataclass(frozen=True)
 class FluidPressure:
-    """Fluid whose pressure acts on the surfaces.
+    """Describe a fluid whose pressure acts on the surfaces, and solve the contact under this pressure.
 
     Attributes
     ----------
@@ -121,13 +121,13 @@ class FluidPressure:
         return self.surroundings
 
     def above_surroundings(self, fraction: Any) -> Array:
-        """Compute the fluid pressure relative to the surroundings [Pa] from the potential as a fraction of its drop."""
+        """Convert a potential, 1 at the inlet and 0 at the outlet, to a pressure above the surroundings [Pa]."""
         pressure = pressure_between(self.fluid, self.inlet, self.outlet, fraction)
         return np.asarray(pressure) - self._ambient
 
     @property
     def carried(self) -> float:
-        """Mean fluid pressure relative to the surroundings [Pa] for a linear potential, as between separated faces."""
+        """Mean fluid pressure relative to the surroundings [Pa] between separated surfaces (linear potential)."""
         return float(self.above_surroundings((np.arange(_POINTS) + 0.5) / _POINTS).mean())
 
     @property
@@ -138,9 +138,8 @@ class FluidPressure:
     def relief(self, pressure: Any) -> Array:
         """Compute by how much the fluid pressure reduces the contact pressure of a cell [Pa].
 
-        The contact of a cell is that of dry surfaces under the effective pressure p̄ − p_f (Terzaghi's effective
-        stress). The coupled solution tends to this limit if the seal is broad compared with the long waves of the
-        surface.
+        In a cell, dry surfaces are pressed together by the effective pressure p̄ − p_f (Terzaghi's effective stress).
+        The coupled solution tends to this limit if the seal is broad compared with the long waves of the surface.
 
         Parameters
         ----------
@@ -156,7 +155,7 @@ class FluidPressure:
 
     @staticmethod
     def separation_text(carried: float) -> str:
-        """Explain that the surfaces separate because the fluid carries the given mean pressure [Pa]."""
+        """Return a text that explains that the surfaces separate, because the fluid carries this mean pressure [Pa]."""
         limit = to_text(carried, "Pa", 3)
         return f"open: the surfaces separate below {limit}, all of which the fluid carries"
 
@@ -200,7 +199,7 @@ class FluidPressure:
         highest_trapped = _MOST_OF_HARDNESS * float(np.min(law.yield_pressure()))
         applied = self._first_pressure(half_space.shape, pressure, remembered, highest_trapped)
         previous: _Round | None = None
-        step = 1.0
+        step = 1.0  # fraction of the proposed change of the fluid pressure that is applied
         change = 1.0
         for number in range(1, MOST_ROUNDS + 1):
             solved = self._round(gap0, half_space, pressure, applied, settings)
@@ -235,7 +234,7 @@ class FluidPressure:
     ) -> Array:
         """Choose the fluid pressure (n1, n2) [Pa] of the first round: the pressure of a linear potential.
 
-        It is scaled down if it would carry nearly the whole nominal pressure, so that a part is left to the contact.
+        If this pressure would carry nearly the whole load, it is reduced, so that the contact carries a part of it.
 
         Parameters
         ----------
@@ -260,11 +259,13 @@ class FluidPressure:
         return applied
 
     def _left_to_contact(self, pressure: float, applied: Array) -> float:
-        """Compute the part of the nominal pressure that the contact carries [Pa].
+        """Compute the part of the nominal pressure that is left to the contact [Pa].
 
-        It is infinite if the nominal pressure is that of the contact alone, which the fluid cannot reduce.
+        If the contact alone carries the nominal pressure, the fluid cannot reduce this part, and the result is inf.
         """
-        return pressure - float(applied.mean()) if self.nominal == "total" else np.inf
+        if self.nominal == "contact":
+            return np.inf
+        return pressure - float(applied.mean())
 
     def _round(
         self,
@@ -298,7 +299,7 @@ class FluidPressure:
         Parameters
         ----------
         solved, previous : _Round
-            Results of this round and of the previous round. In the first round there is no previous one (None).
+            Results of this round and of the previous round; `previous` is None in the first round.
         previous_liquid : TrappedLiquid or None
             Trapped liquid at the previous load.
         pressure : float
@@ -310,11 +311,12 @@ class FluidPressure:
         """
         assert isinstance(solved.flow, FaceFlow)
         is_open = solved.contact.gap > 0
+        is_pocket = np.isnan(solved.flow.potential) & is_open  # open points without flow
         trapped = liquid_in_pockets(
             previous_liquid,
             solved.contact.half_space,
             solved.contact.gap,
-            np.isnan(solved.flow.potential) & is_open,
+            is_pocket,
             applied=solved.applied,
             surrounding=solved.resulting,
             bulk_modulus=getattr(self.fluid, "bulk_modulus", None) or np.inf,
@@ -322,42 +324,50 @@ class FluidPressure:
             load=pressure,
             only_falls=only_falls,
         )
-        # NaN in contact areas is filled from the pressures around them, which needs at least one open point
-        in_contact = np.nan if is_open.any() else solved.resulting
-        open_pressure = trapped.insert_into(solved.resulting)
-        resulting = harmonic_fill(np.where(is_open, open_pressure, in_contact))
-        rounds_before = 0 if previous is None else previous.closed_rounds
-        highest_before = 0.0 if previous is None else previous.highest
+        resulting = solved.resulting
+        if is_open.any():
+            # mark contact areas by NaN, which `harmonic_fill` replaces by interpolating the pressures around them
+            open_pressure = trapped.insert_into(solved.resulting)
+            resulting = harmonic_fill(np.where(is_open, open_pressure, np.nan))
+        closed_rounds = 0
+        highest = float(np.abs(resulting).max())
+        if solved.flow.permeability == 0:
+            closed_rounds = 1 if previous is None else previous.closed_rounds + 1
+        if previous is not None:
+            highest = max(previous.highest, highest)
         return replace(
             solved,
             resulting=resulting,
             trapped=trapped,
-            closed_rounds=rounds_before + 1 if solved.flow.permeability == 0 else 0,
-            highest=max(highest_before, float(np.abs(resulting).max())),
+            closed_rounds=closed_rounds,
+            highest=highest,
         )
 
     def _near_opening(
         self, gap0: Array, half_space: HalfSpace, pressure: float, settings: Mapping[str, Any]
     ) -> CoupledContact:
-        """Solve the contact at a nominal pressure [Pa] close to or below that at which the surfaces separate.
+        """Solve the contact at a nominal pressure [Pa] at which the surfaces separate or nearly separate.
 
-        Here a given contact load always has a solution, and its sum with the pressure carried by the fluid is a nominal
-        pressure. This sum has a minimum, below which the surfaces separate. Above the minimum, two contact loads belong
-        to the same nominal pressure. The larger one is chosen, because it is reached from the closed state when the
-        load is reduced or the fluid pressure raised. Trapped liquid is ignored.
+        Instead of the nominal pressure, the contact load is prescribed, because then there is always a solution. The
+        nominal pressure is the sum of the contact load and the pressure that the fluid carries. As a function of the
+        contact load, this sum has a minimum; at lower nominal pressures, the surfaces separate. Above the minimum, each
+        nominal pressure belongs to two contact loads. The larger contact load is chosen, because this state is reached
+        from the closed state when the load is reduced or the fluid pressure is raised. Trapped liquid is ignored.
         """
         from scipy.optimize import brentq, minimize_scalar
 
-        solutions: dict[float, Any] = {}  # coupled contact for each contact load
+        solution_by_load: dict[float, Any] = {}  # coupled contact for each contact load
         with_contact_load = replace(self, nominal="contact", trapped=False)
 
         def nominal_pressure(load: float) -> float:
-            if load not in solutions:
-                solutions[load] = with_contact_load.contact(
+            """Solve the contact under a contact load, unless this was done before; return the nominal pressure."""
+            if load not in solution_by_load:
+                solution_by_load[load] = with_contact_load.contact(
                     gap0, half_space, pressure=load, tolerance_factor=_SEARCH_TOLERANCE, **settings
                 )
-            return load + solutions[load].carried
+            return load + solution_by_load[load].carried
 
+        # find the minimum: first among a few contact loads, then between the neighbours of the lowest value
         loads = (_FIRST_LOADS * max(abs(self.inlet), abs(self.outlet))).tolist()
         nominal_pressures = [nominal_pressure(load) for load in loads]
         lowest = int(np.argmin(nominal_pressures))
@@ -365,15 +375,16 @@ class FluidPressure:
         minimum = nominal_pressures[lowest]
         if lowest > 0:
             bracket = np.log([loads[lowest - 1], loads[min(lowest + 1, len(loads) - 1)]])
-            found = minimize_scalar(
+            optimum = minimize_scalar(
                 lambda log_load: nominal_pressure(float(np.exp(log_load))),
                 bounds=bracket,
                 method="bounded",
                 options={"xatol": 0.3},
             )
-            load_at_minimum = float(np.exp(found.x))
-            minimum = float(found.fun)
+            load_at_minimum = float(np.exp(optimum.x))
+            minimum = float(optimum.fun)
         if pressure > minimum:
+            # find the contact load above the minimum that belongs to the nominal pressure
             upper = load_at_minimum
             while nominal_pressure(upper) < pressure:
                 upper *= _LOAD_FACTOR
@@ -383,28 +394,28 @@ class FluidPressure:
                 upper,
                 rtol=_LOAD_RTOL,
             )
-            return solutions[load]
-        # the surfaces separate: return the gap of first touch under the pressure of a linear potential
+            return solution_by_load[load]
+        # the surfaces separate: return the contact at first touch under the pressure of a linear potential
         applied = self.linear_drop(half_space.shape)
         contact = solve_contact(
             gap0, half_space, pressure=float(applied.mean()), fluid_pressure=applied, **settings
         )
-        rounds = sum(solution.rounds for solution in solutions.values())
+        rounds = sum(solution.rounds for solution in solution_by_load.values())
         flow = Failed(self.separation_text(minimum))
         return CoupledContact(**vars(contact), flow=flow, carried=pressure, rounds=rounds)
 
     def _pressure_of_flow(self, flow: FaceFlow, applied: Array) -> Array:
         """Compute the fluid pressure of a flow relative to the surroundings (n1, n2) [Pa], also in contact areas.
 
-        If the flow does not reach any point, the applied pressure is returned.
+        If nothing flows anywhere, the applied pressure is returned.
         """
         pressure = harmonic_fill(self.above_surroundings(flow.potential))
         return pressure if np.isfinite(pressure).all() else applied
 
     def linear_drop(self, shape: Shape) -> Array:
-        """Compute the fluid pressure (n1, n2) [Pa] of a potential that falls linearly along x1.
+        """Compute the fluid pressure (n1, n2) of a potential that falls linearly along x1.
 
-        It is relative to the surroundings.
+        The pressure is relative to the surroundings [Pa].
         """
         n1, n2 = shape
         fraction = 1 - (np.arange(n1) + 0.5) / n1
@@ -413,7 +424,7 @@ class FluidPressure:
 
 @dataclass(frozen=True, eq=False)
 class _Round:
-    """Solutions of contact and flow in one round of the iteration.
+    """Hold the solutions of contact and flow in one round of the iteration.
 
     Attributes
     ----------
@@ -424,11 +435,11 @@ class _Round:
     flow : FaceFlow or Failed
         Flow through the gap of the contact.
     resulting : array, (n1, n2)
-        Fluid pressure of this flow [Pa], with that of trapped liquid.
+        Fluid pressure that results from this flow, including the pressure of trapped liquid in pockets [Pa].
     trapped : TrappedLiquid or None
         Trapped liquid; None if it is not considered.
     closed_rounds : int
-        Number of successive rounds, up to this one, in which a surface with trapped liquid had no flow.
+        Number of successive rounds without flow until now, for a surface with trapped liquid.
     highest : float
         Highest fluid pressure in all rounds with trapped liquid so far [Pa].
     """
@@ -442,7 +453,7 @@ class _Round:
     highest: float = 0.0
 
     def coupled_contact(self, rounds: int) -> CoupledContact:
-        """Return the contact with its flow as the result after the given number of rounds."""
+        """Return contact and flow of this round as the result of the iteration, with the number of its rounds."""
         return CoupledContact(
             **vars(self.contact),
             flow=self.flow,
@@ -454,17 +465,18 @@ class _Round:
     def change(self, previous: _Round | None, step: float, scale: float) -> float:
         """Compute the relative change of the permeability since the previous round; infinity in the first round.
 
-        If the surface is closed, the change of the fluid pressure is used instead, relative to the highest pressure. If
-        it stays closed with trapped liquid, only the error of the liquid's volume counts.
+        If the surface is closed, the permeability is 0, and the change of the fluid pressure relative to its highest
+        value is used instead. If trapped liquid has kept the surface closed for some rounds, this change is ignored.
+        With trapped liquid, the result is at least the relative error of the volume of the liquid.
 
         Parameters
         ----------
         previous : _Round or None
-            Previous round; None in the first one.
+            Previous round; None in the first round.
         step : float
             Fraction of the proposed change of fluid pressure that was applied.
         scale : float
-            Larger one of the pressures at inlet and outlet [Pa].
+            Larger value of the pressures at inlet and outlet [Pa].
         """
         if previous is None:
             return np.inf
@@ -472,7 +484,10 @@ class _Round:
         assert isinstance(previous.flow, FaceFlow)
         before = previous.flow.permeability
         now = self.flow.permeability
-        if before:
+        if self.trapped is not None and self.closed_rounds >= _CLOSED_ROUNDS:
+            change = 0.0
+        elif before:
+            # the whole proposed change of the fluid pressure would have changed the permeability by more
             change = abs(now / before - 1) / step
         elif now:
             change = np.inf
@@ -481,8 +496,6 @@ class _Round:
             change = float(np.abs(row_change).max()) / max(scale, self.highest)
         if self.trapped is None:
             return change
-        if self.closed_rounds >= _CLOSED_ROUNDS:
-            change = 0.0
         return max(change, self.trapped.error)
 
 
@@ -491,9 +504,11 @@ def _next_pressure(
 ) -> tuple[Array, float]:
     """Choose the fluid pressure (n1, n2) [Pa] of the next round.
 
-    Also returned is the fraction of the proposed change that is applied. It is below 1 if the proposed fluid pressure
-    would carry the whole load. The change is then limited, so that half of the part `left_to_contact` of the nominal
-    pressure [Pa] remains for the contact.
+    Also return the fraction of the proposed change of the fluid pressure that is applied. This fraction is below 1 if
+    the proposed fluid pressure would carry the whole load. The mean fluid pressure then increases only by one half of
+    the pressure that the contact carries now.
+
+    left_to_contact : part of the nominal pressure that the contact carries now [Pa].
     """
     proposed = _mixed_pressure(solved, previous)
     if solved.trapped is not None:
@@ -508,8 +523,10 @@ def _next_pressure(
 def _mixed_pressure(solved: _Round, previous: _Round | None) -> Array:
     """Mix the resulting fluid pressures of the last two rounds by Anderson mixing of depth one.
 
-    The weights follow from the changes of the pressure, averaged over each row. Mixing damps oscillations, which occur
-    near closing, where every round overshoots in the opposite direction.
+    The residual of a round is the difference between its resulting and its applied pressure, averaged over each row.
+    The two pressures are mixed with the weights 1 − w and w, for which the mixed residual |(1 − w) r + w r'| of this
+    and the previous round is smallest. This damps oscillations, which occur near closing, where every round overshoots
+    in the opposite direction.
     """
     if previous is None:
         return solved.resulting
@@ -519,6 +536,7 @@ def _mixed_pressure(solved: _Round, previous: _Round | None) -> Array:
     squared = float(difference @ difference)
     if squared == 0 or not previous_residual.any():
         return solved.resulting
+    # minimum of |r − w (r − r')|², limited so that the last round has at least the weight of the previous round
     weight = float(np.clip(residual @ difference / squared, 0.0, 0.5))
     return (1 - weight) * solved.resulting + weight * previous.resulting
 
@@ -536,12 +554,12 @@ def contact_of_patches(
 ) -> Contact:
     """Solve the contact of each measured patch under the same pressure, and join the results side by side.
 
-    If a fluid pressure acts on the patches, the flow through the joined gap is solved afterwards.
+    If the fluid pressure acts on the patches, the flow through the gap of all patches is solved afterwards.
 
     Parameters
     ----------
     gap0, half_space, hardness, deformation, settings
-        Arguments of `solve`, for all patches side by side.
+        Arguments of `solve`, with all patches side by side.
     patches : Patches
         The surface.
     solve : callable
@@ -557,8 +575,8 @@ def contact_of_patches(
         The contact solver failed.
     """
     if not hardness.is_uniform:
-        given = "a law that differs from patch to patch"
-        raise InputError("hardness", given, "the same everywhere in several patches")
+        given = "a contact law that varies over the surface, with several patches"
+        raise InputError("hardness", given, "the same contact law at all points of all patches")
     patch_deformations: Iterable[Array | None]
     if deformation is None:
         patch_deformations = [None] * len(patches.widths)

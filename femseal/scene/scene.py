@@ -1,4 +1,4 @@
-"""Input of all studies: a rough surface under load, and the fluid that it seals."""
+"""Describe the input of all studies: a rough surface under load, and the fluid that it seals."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -40,7 +40,7 @@ from .fluid_coupling import LEAST_FRACTION, FluidPressure, contact_of_patches
 
 @dataclass(frozen=True)
 class Scene:
-    """A rough surface under load, and the fluid that it seals.
+    """Describe a rough surface under load, and the fluid that it seals.
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ class Scene:
     modulus : float or pair of bodies
         Contact modulus E* [Pa]; or the two bodies in contact, `Solid`, `Coated` or None (rigid), see `HalfSpace`.
     hardness : float, array or ContactLaw
-        Hardness H of perfect plasticity [Pa], infinite for an elastic surface, or a contact law such as
-        `LinearHardening`.
+        Hardness H of a perfectly plastic surface [Pa], which is infinite for an elastic surface; or a contact law such
+        as `LinearHardening`.
     fluid : Fluid
         The fluid that leaks.
     inlet_pressure, outlet_pressure : float
@@ -63,16 +63,16 @@ class Scene:
     rtol : float
         Relative residual at which the contact solver stops, see `contact.solve_contact`.
     layout : Layout
-        Shape of stochastic seals, see `seal.layouts`. The surface itself is always a strip.
+        Shape of the seal in the stochastic study, see `seal.layouts`. All other studies take the surface as a strip.
     solver : str
         Flow solver for cells and seals, see `flow.cell_permeability`.
     fluid_pressure : "acts", "trapped" or "ignored"
-        With "acts" the fluid pressure acts on the surfaces (see `scene.fluid_coupling`). With "trapped", liquid in
-        closed pockets also keeps its volume (see `scene.trapped_liquid`). With "ignored", contact is that of dry
-        surfaces.
+        With "acts", the fluid pressure acts on the surfaces (see `scene.fluid_coupling`). With "trapped", liquid in
+        closed pockets also keeps its volume (see `scene.trapped_liquid`). With "ignored", the contact is solved without
+        fluid pressure.
     nominal : "total" or "contact"
-        Whether contact and fluid together carry the nominal pressure, or the contact alone. It matters only if the
-        fluid pressure acts.
+        Whether contact and fluid together carry the nominal pressure, or the contact alone. This matters only if the
+        fluid pressure acts on the surfaces.
     surroundings : float or None
         Pressure around the seal [Pa], by default 1 atm for a gas and 0 for a liquid.
 
@@ -143,12 +143,12 @@ class Scene:
 
     @property
     def surface_modulus(self) -> float:
-        """Contact modulus [Pa] of waves that are much shorter than the thickness of any coating."""
+        """Contact modulus for waves that are much shorter than the thickness of any coating [Pa]."""
         return surface_modulus(self.modulus)
 
     @property
     def coatings(self) -> tuple[Coated, ...]:
-        """Those of the two bodies that are coated; empty if only a contact modulus is given."""
+        """Coated bodies among the two bodies in contact; empty if only a contact modulus is given."""
         if isinstance(self.modulus, float):
             return ()
         return tuple(body for body in self.modulus if isinstance(body, Coated))
@@ -165,7 +165,7 @@ class Scene:
 
     @property
     def is_dry(self) -> bool:
-        """Whether the fluid pressure does not act on the surfaces."""
+        """Whether the fluid pressure on the surfaces is ignored."""
         return self.fluid_pressure == "ignored"
 
     @property
@@ -218,8 +218,8 @@ class Scene:
     def separated_steps(self) -> tuple[tuple[int, str], ...]:
         """Load steps at which the fluid between separated surfaces would carry the whole load.
 
-        Each step is given by its number and an explanation. Cells at tabulated pressures are open there. The whole
-        surface may still be closed, because its contact can keep the fluid out, see `scene.fluid_coupling`.
+        For each step, the result contains its index and an explanation. At these steps, the tiles of a stochastic seal
+        are open. The contact of the whole surface may however keep the fluid out, see `scene.fluid_coupling`.
         """
         fluid = self.acting_fluid
         if fluid is None:
@@ -256,9 +256,9 @@ class Scene:
         """
         gap0 = self.surface.heights.max() - self.surface.heights
         fluid = self.acting_fluid
-        solve: Callable[..., Contact] = (
-            solve_contact if fluid is None else partial(FluidPressure.contact, fluid)
-        )
+        solve: Callable[..., Contact] = solve_contact
+        if fluid is not None:
+            solve = partial(FluidPressure.contact, fluid)
         if isinstance(self.surface, Patches):
             solve = partial(contact_of_patches, patches=self.surface, solve=solve, flow=self.flow)
         steps = self.steps if steps is None else steps
@@ -274,7 +274,7 @@ class Scene:
 
     @property
     def flow(self) -> FlowSettings:
-        """Settings for the flow through the surface and its cells."""
+        """Settings of the flow solver for the surface and its cells."""
         drop = PressureDrop.of_fluid(self.fluid, self.inlet_pressure, self.outlet_pressure)
         return FlowSettings(self.solver, drop, getattr(self.layout, "spiral", None))
 
@@ -323,7 +323,7 @@ class Scene:
 
     @property
     def unit_leakage(self) -> float:
-        """Leakage per seal length and permeability, for a seal as broad as the surface [1/(m s)]."""
+        """Leakage per unit seal length for a permeability of 1 m³, if the seal is as broad as the surface [1/(m s)]."""
         return FluidState.of(self).drop / self.surface.size[0]
 
     def pressure_at(self, potential: Floats) -> Array:
@@ -333,7 +333,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class FluidState:
-    """A fluid with its pressures at inlet and outlet [Pa], which are absolute for a gas."""
+    """Describe a fluid and its pressures at inlet and outlet [Pa], which are absolute for a gas."""
 
     fluid: Fluid
     inlet_pressure: float
@@ -365,9 +365,9 @@ class FluidState:
 
     @property
     def drop(self) -> float:
-        """Drop of the potential over the reference density [1/s].
+        """Drop of the pressure potential, divided by the reference density [1/s].
 
-        Multiplied by the conductance of a seal [m³] it is the volume rate.
+        The volume rate through a seal is this drop times the conductance of the seal [m³].
         """
         inlet, outlet = (
             float(self.fluid.potential(p)) for p in (self.inlet_pressure, self.outlet_pressure)

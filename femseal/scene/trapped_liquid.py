@@ -1,10 +1,10 @@
 """Compute the pressure of liquid that is trapped in closed pockets and resists their compression.
 
-The amount of liquid in a pocket is measured by its volume at the pressure of the surroundings. For a volume V at the
-pressure p this is V exp(p/B), with the bulk modulus B. As long as a pocket stays closed, its amount is constant. A
-pocket that closes between two loads is filled with liquid at the later load. If a pocket divides, its amount is divided
-in proportion to the volumes. Liquid is lost from a pocket that opens to the inlet or the outlet, and from a pocket
-whose pressure lifts its rim.
+The amount of liquid in a pocket is the volume that the liquid has at the pressure of the surroundings. For a volume V
+at the pressure p this is V exp(p/B), with the bulk modulus B. As long as a pocket stays closed, its amount of liquid is
+constant. A pocket that closes between two loads is filled with liquid at the later load. If a pocket divides, its
+liquid is divided in proportion to the volumes. Liquid is lost from a pocket that opens to the inlet or the outlet, and
+from a pocket whose pressure lifts its rim.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from ..contact import HalfSpace, modulus_of_waves
 
 @dataclass(frozen=True, eq=False)
 class TrappedLiquid:
-    """Liquid in the closed pockets of a surface at one load.
+    """Hold the liquid in the closed pockets of a surface at one load.
 
     Attributes
     ----------
@@ -32,10 +32,10 @@ class TrappedLiquid:
         Nominal pressure [Pa].
     step : array, (pockets,)
         Change of the pressure of each pocket for the next round of the iteration [Pa]. It is NaN for a pocket that
-        closes at this load, because its liquid has the pressure of the fluid around it.
+        first closes at this load, because its liquid has the same pressure as the fluid around it.
     error : float
-        Sum of the differences between the volume of each pocket and the volume of its liquid, divided by the volume of
-        all pockets.
+        Relative error of the volumes. It is Σ|V − V_l|/ΣV, with the volume V of each pocket and the volume V_l of its
+        liquid.
     """
 
     pocket: NDArray[np.int32]
@@ -46,14 +46,14 @@ class TrappedLiquid:
     error: float = 0.0
 
     def insert_into(self, fluid_pressure: Array, step: Array | float | None = None) -> Array:
-        """Insert the pressures of the pockets, changed by a step, into a map of the fluid pressure.
+        """Replace the fluid pressure in the pockets by the pressure of their liquid.
 
         Parameters
         ----------
         fluid_pressure : array, (n1, n2)
-            Fluid pressure [Pa]. It is kept outside of pockets, and in pockets whose step is NaN.
+            Fluid pressure [Pa]. It is not changed outside of pockets, and not in pockets whose step is NaN.
         step : array, (pockets,), or float, optional
-            Change of the pressures of the pockets [Pa], by default `self.step`.
+            Change that is added to the pressures of the pockets first [Pa], by default `self.step`.
 
         Returns
         -------
@@ -82,10 +82,12 @@ def liquid_in_pockets(
     load: float,
     only_falls: bool,
 ) -> TrappedLiquid:
-    """Compute the liquid in the pockets of a gap, with a Newton step of its pressures towards equal volumes.
+    """Compute the amount and the pressure of the liquid in the pockets of a gap.
 
-    The step is chosen so that the volume of each pocket becomes equal to the volume of its liquid. Pockets that were
-    one pocket at the previous load, and pockets that have joined since, form a group with a common pressure and amount.
+    A pocket and its liquid must have the same volume. For each pocket, a Newton step is computed, which is the change
+    of the pressure that would make the two volumes equal. Pockets are grouped if they were one pocket at the previous
+    load, or if they have merged since then. The pockets of a group have a common pressure and a common amount of
+    liquid.
 
     Parameters
     ----------
@@ -108,12 +110,12 @@ def liquid_in_pockets(
     load : float
         Nominal pressure [Pa].
     only_falls : bool
-        Whether the pressures may only fall, because liquid that repeatedly lifts the rim of its pocket is lost.
+        If True, the pressures can only fall. Liquid that repeatedly lifts the rim of its pocket is then lost.
 
     Notes
     -----
-    The derivative of the volume with respect to pressure is that of a circular area A on a half-space,
-    16 A √(A/π)/(3π E*). For coated bodies, E* is taken at the wave number √(π/A).
+    The derivative of the volume of a pocket with respect to its pressure is approximated by the value for a circular
+    area A on a half-space, 16 A √(A/π)/(3π E*). For coated bodies, E* is taken at the wave number √(π/A).
     """
     pocket, n = label_pockets(is_pocket)
     pixel_area = float(np.prod(half_space.spacing))
@@ -123,9 +125,10 @@ def liquid_in_pockets(
     else:
         previous_pocket = np.maximum(previous.pocket, 0)
         previous_n = previous.amount.size
-    # Arrays of the groups, (group,). Sums over pixels are heights [m]; the pixel area makes them volumes.
     group, count = _groups(pocket, n, previous_pocket, previous_n)
-    group_at = np.concatenate([[0], group + 1])[pocket]  # number of the group from 1; 0 outside
+    # number of the group at each point, beginning with 1; 0 outside of pockets, whose number in `pocket` is 0
+    group_at = np.concatenate([[0], group + 1])[pocket]
+    # The following arrays have one value for each group, (group,).
     points = np.bincount(group_at.ravel(), minlength=count + 1)[1:]
     volume = _sums(group_at, count, gap) * pixel_area
     area = points * pixel_area
@@ -134,9 +137,10 @@ def liquid_in_pockets(
     existed_before = np.isin(np.arange(1, count + 1), group_at[previous_pocket > 0])
     amount_per_area = _amount_per_area(previous, gap, surrounding, bulk_modulus, pixel_area)
     amount = _sums(group_at, count, amount_per_area) * pixel_area
-    excess = amount * np.exp(-pressure / bulk_modulus) - volume  # volume of liquid without room
+    liquid_volume = amount * np.exp(-pressure / bulk_modulus)
+    excess = liquid_volume - volume
 
-    # Newton step: the pocket becomes larger, and the liquid smaller, by the excess in total
+    # Newton step: a higher pressure enlarges the pocket and compresses the liquid, by the excess in total
     radius = np.sqrt(area / np.pi)
     modulus = modulus_of_waves(half_space.modulus, 1 / radius)
     compliance = 16 * area * radius / (3 * np.pi * modulus)
@@ -154,7 +158,7 @@ def liquid_in_pockets(
 
     group_pressure = np.where(existed_before, pressure, surrounding_pressure)
     step = np.where(existed_before, new_pressure - pressure, np.nan)
-    # a group that loses liquid keeps the amount that its volume holds at its pressure
+    # a group that loses liquid, or that has just closed, contains as much as fits into its volume at its pressure
     amount_per_volume = np.where(
         keeps_liquid, amount / volume, np.exp(group_pressure / bulk_modulus)
     )
@@ -176,34 +180,42 @@ def _amount_per_area(
     bulk_modulus: float,
     pixel_area: float,
 ) -> Array:
-    """Compute the amount of liquid per area [m] that a pocket contains at each point (n1, n2).
+    """Compute the amount of liquid per area [m] at each point of the gap (n1, n2).
 
-    Points that were open at the previous load, outside of pockets, are filled at the pressure around them. Points of
-    previous pockets contain the amount of these pockets, distributed in proportion to the gap. Points that were in
-    contact (pocket −1) contain no liquid. Parameters are as in `liquid_in_pockets`; the pixel area is in m².
+    It depends on the state of the point at the previous load. If the point was open and not in a pocket, it is filled
+    with liquid at the pressure around it. If the point was in a pocket, it contains a part of the liquid of this
+    pocket, in proportion to its gap. If the point was in contact, it contains no liquid.
+
+    The parameters are explained in `liquid_in_pockets`; `pixel_area` is the area of a pixel [m²].
     """
     filled = gap * np.exp(surrounding / bulk_modulus)
     if previous is None:
         return filled
-    previous_pocket = np.maximum(previous.pocket, 0)
-    previous_amount = previous.amount / pixel_area
-    volume = _sums(previous_pocket, previous_amount.size, gap)
-    per_gap = np.divide(previous_amount, volume, out=np.zeros_like(volume), where=volume > 0)
-    filled[previous.pocket != 0] = 0.0
-    return filled + gap * np.concatenate([[0.0], per_gap])[previous_pocket]
+    previous_pocket = np.maximum(previous.pocket, 0)  # 0 outside of pockets and in contact
+    height_of_liquid = (
+        previous.amount / pixel_area
+    )  # sum over the pixels of each previous pocket [m]
+    sum_of_gaps = _sums(previous_pocket, height_of_liquid.size, gap)
+    liquid_per_gap = np.divide(
+        height_of_liquid, sum_of_gaps, out=np.zeros_like(sum_of_gaps), where=sum_of_gaps > 0
+    )
+    filled[previous.pocket != 0] = 0.0  # only points that were open and not in a pocket are filled
+    liquid_per_gap_at = np.concatenate([[0.0], liquid_per_gap])[previous_pocket]
+    return filled + gap * liquid_per_gap_at
 
 
 def _groups(
     pocket: NDArray[np.int32], n: int, previous_pocket: NDArray[np.int32], previous_n: int
 ) -> tuple[Indices, int]:
-    """Group pockets that have a common pressure because they share points with the same pocket at the previous load.
+    """Group pockets that share points with the same pocket at the previous load, so that their liquid is connected.
 
     Parameters
     ----------
     pocket, previous_pocket : arrays of int, (n1, n2)
-        Number of the pocket at each point, now and at the previous load, beginning with 1; 0 outside.
+        Number of the pocket at each point, now and at the previous load. The numbers begin with 1; they are 0 outside
+        of pockets.
     n, previous_n : int
-        How many pockets there are now, and how many there were at the previous load.
+        Number of pockets now, and at the previous load.
 
     Returns
     -------
@@ -212,18 +224,21 @@ def _groups(
     count : int
         Number of groups.
     """
-    # nodes of the graph: the pockets, then the previous pockets; an edge joins two that share a point
+    # Nodes of a graph: first the n pockets, then the previous pockets. An edge joins a pocket and a previous pocket
+    # that share a point. The connected components are the groups.
     both = (pocket > 0) & (previous_pocket > 0)
     component = _components(pocket[both] - 1, n + previous_pocket[both] - 1, n + previous_n)
-    numbers, group = np.unique(component[:n], return_inverse=True)
-    return group, numbers.size
+    component_of_pocket = component[:n]
+    # number the components that contain a pocket without gaps
+    distinct, group = np.unique(component_of_pocket, return_inverse=True)
+    return group, distinct.size
 
 
 def label_pockets(is_pocket: Flags) -> tuple[NDArray[np.int32], int]:
     """Number the pockets of a surface that is periodic along x2.
 
-    Returns the number of the pocket at each point (n1, n2), beginning with 1 and 0 outside; and how many pockets there
-    are.
+    Returns an array (n1, n2) with the number of the pocket at each point, and the number of pockets. Pockets are
+    numbered from 1; all points outside of pockets have the number 0.
     """
     from scipy.ndimage import label
 
@@ -237,7 +252,7 @@ def label_pockets(is_pocket: Flags) -> tuple[NDArray[np.int32], int]:
 
 
 def _components(a: NDArray[np.signedinteger], b: NDArray[np.signedinteger], n: int) -> Indices:
-    """Label the connected components of a graph of n nodes with the edges (a[i], b[i]); return each node's label."""
+    """Return the number of the connected component of each node, for a graph of n nodes with the edges a[i] to b[i]."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -247,6 +262,6 @@ def _components(a: NDArray[np.signedinteger], b: NDArray[np.signedinteger], n: i
 
 
 def _sums(pocket: NDArray[np.int32], n: int, values: Array) -> Array:
-    """Sum values (n1, n2) over each pocket (n,), without the points outside of pockets, whose number is 0."""
+    """Sum values (n1, n2) over the points of each of the n pockets; points with the number 0 are not in a pocket."""
     sums = np.bincount(pocket.ravel(), np.asarray(values, float).ravel(), minlength=n + 1)
     return np.asarray(sums[1:], float)

@@ -312,7 +312,12 @@ def test_what_cannot_be_exported(back, scene, studies, tmp_path):
         (back, "a.npz", {"window": (0, 6e-5, 1.4e-6, 1.8e-6)}, "with the centre of a pixel of 1.2"),
         (back, "none/a.npz", {"step": 0}, "a file that can be written"),
         (alone, "a.npz", {"window": (0, 1, 0, 1)}, "expected a part of the face"),
-        (drawn, "a.npz", {}, r"no gap over all pixels, .* \"two-scale\" as method or in `compare`"),
+        (
+            drawn,
+            "a.npz",
+            {},
+            r"results without the gap over all pixels, .* \"two-scale\" as method or in `compare`",
+        ),
     ):
         with pytest.raises(InputError, match=message):
             run.export(tmp_path / name, **given)
