@@ -316,7 +316,7 @@ class WidestInterval:
     step : int
         Index of the step with the widest interval.
     limit : str
-        Name of the error source whose largest half-width over these steps is larger than that of all other sources.
+        Name of the error source with the largest value in `parts`.
     parts : dict
         Largest half-width over these steps for each error source, by the name of the error source.
     """
@@ -496,8 +496,9 @@ def sealed_upper(
     """Estimate the upper end of the interval at the sealed steps (steps,) [m²/s]; it is 0 at all other steps.
 
     An error of ln(leakage) has the same effect as a shift of ln(load), see `_load_shift`. If this shift may open the
-    seal at a sealed step, the upper end is that of the nearest open step with a lower load. If another solution of the
-    same scene leaks at this step, the upper end is at least its leakage.
+    seal at a sealed step, the step may leak as much as the nearest open step with a lower load, up to the upper end of
+    the interval there. If another solution of the same scene leaks at the sealed step, the upper end is at least its
+    leakage.
 
     Parameters
     ----------

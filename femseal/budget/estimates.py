@@ -84,7 +84,7 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     Parameters
     ----------
     leakage : array (steps,), m²/s.
-    without : leakage of all other patches without each patch, array (patches, steps), m²/s.
+    without : leakage with one patch left out in turn, array (patches, steps), m²/s.
     usual : error source with the usual interval in this contact state for the same number of patches, see
         `calibrated_part`.
 

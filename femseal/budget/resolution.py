@@ -210,7 +210,7 @@ def sealed_for_certain(in_contact: Array, slope_ratio: float = 1.0) -> Flags:
 
 
 def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_ratio: float) -> Array:
-    """Estimate the leakage at every load step (steps,) if the load were multiplied by slope_ratio**LOAD_POWER.
+    """Estimate the leakage that each step (steps,) would have if its load were multiplied by slope_ratio**LOAD_POWER.
 
     The result is 0 where the surface is sealed under the reduced load as well.
 

@@ -205,12 +205,12 @@ def _has_form(patch: Topography) -> bool:
     heights = patch.heights - patch.heights.mean()
     variance = heights.var()
     for axis in (0, 1):
-        profile = heights.mean(axis=1 - axis)
+        profile = heights.mean(axis=1 - axis)  # mean over the other axis
         if profile.size <= _FORM_DEGREE:
-            continue
+            continue  # too few points to fit a polynomial
         x = np.linspace(-1.0, 1.0, profile.size)
-        form = np.polyval(np.polyfit(x, profile, _FORM_DEGREE), x)
-        if form.var() > _FORM_DECIDES * variance:
+        smooth_profile = np.polyval(np.polyfit(x, profile, _FORM_DEGREE), x)
+        if smooth_profile.var() > _FORM_DECIDES * variance:
             return True
     return False
 

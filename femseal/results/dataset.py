@@ -233,9 +233,9 @@ def _add_studies(
 
 
 def _width_of_rows(scene: Scene, stochastic: StudyResult | None) -> float:
-    """Return the distance from inlet to outlet that is divided into rows [m], for the stored pressure of each row.
+    """Return the total breadth of the rows whose mean contact pressure is stored, from inlet to outlet [m].
 
-    If the stochastic study has stored the pressure of each row, this is the breadth of its seal. Otherwise it is the
+    If the pressures belong to the rows of a stochastic seal, this is the breadth of the seal. Otherwise it is the
     breadth of the surface.
     """
     if isinstance(stochastic, StochasticResult) and stochastic.row_pressure is not None:

@@ -189,7 +189,7 @@ def _larger_patch(results: Results) -> tuple[str, float]:
 
 
 def _patch_factor(results: Results, step: int, area_ratio: float) -> float:
-    """Estimate the ratio of the errors of ln(leakage) from the source "patch" with a larger and with the present area.
+    """Estimate the factor by which the error from the source "patch" changes if a larger area is measured.
 
     The number of blocks that carry the flow, the carriers, is proportional to the area. All other quantities that
     determine the error do not depend on the area. The ratio is therefore e(r N)/e(N), with the function e,

@@ -3,9 +3,10 @@
 The surface is divided into blocks, and its heights into short and long waves. The contact of each block is solved with
 its short waves alone. The waves longer than two cells form a coarse surface with one point for each cell. In the
 contact of this coarse surface, the short waves of the blocks act as a compliant rough layer. This contact gives the
-pressure of every cell. If the fluid carries a part of this pressure, the contact of the cell carries the rest. The
-permeability of each cell is taken from the contact of its block at the latter pressure. Finally, the flow through all
-cells, in their order on the surface, gives the leakage. No more than one block needs to be in memory at a time.
+pressure of every cell. If the fluid carries a part of this pressure, only the rest presses the surfaces of the cell
+together. The permeability of each cell is taken from the contact of its block at this remaining pressure. Finally, the
+flow through all cells, in their order on the surface, gives the leakage. No more than one block needs to be in memory
+at a time.
 """
 
 from __future__ import annotations
@@ -104,7 +105,7 @@ class BlocksResult(Shown):
 
     @property
     def cells(self) -> BlocksResult:
-        """The same result, because it contains the fields of the cells. Other studies have a separate object."""
+        """Object that contains the fields of the cells, which is this result itself."""
         return self
 
 

@@ -53,13 +53,13 @@ _SAME = 1e-3
 
 @dataclass(frozen=True, repr=False)
 class PatchLeakage(Shown):
-    """Hold the leakage of each measured patch alone, and the leakage without each patch; NaN where the flow failed.
+    """Hold the leakage of each measured patch alone, and with one patch left out; it is NaN where the flow failed.
 
     Parameters
     ----------
     selections : array (patches, steps) or (2 × patches, steps), m²/s
-        The first rows contain the leakage of each patch alone, continued periodically. With at least three patches, one
-        more row follows for each patch: the leakage of all other patches, side by side, without this patch.
+        The first rows contain the leakage of each patch alone, continued periodically. With at least three patches, as
+        many rows follow. In each of these rows, another patch is left out, and the remaining patches lie side by side.
     """
 
     selections: Array = field(metadata={"unit": "m^2/s"})
@@ -93,7 +93,7 @@ class PatchLeakage(Shown):
 
     @property
     def without(self) -> Array | None:
-        """Leakage of all other patches without each patch (patches, steps) [m²/s]; None for two patches."""
+        """Leakage with one patch left out, in turn (patches, steps) [m²/s]; None for two patches."""
         # With fewer than three patches there are no such rows, and half of the rows are fewer than `FEWEST`.
         patches = len(self.selections) // 2
         return self.selections[patches:] if patches >= FEWEST else None
@@ -121,7 +121,9 @@ class PatchLeakage(Shown):
 def permeabilities_of_patches(
     widths: tuple[int, ...], spacing: Pair, settings: FlowSettings, gap: Floats
 ) -> Array:
-    """Compute the permeability of each measured patch alone, and of the other patches without it, for `PatchLeakage`.
+    """Compute the permeability of each measured patch alone, and with one patch left out in turn.
+
+    The leakages in `PatchLeakage` are computed from these permeabilities.
 
     Parameters
     ----------
@@ -137,8 +139,8 @@ def permeabilities_of_patches(
     Returns
     -------
     array (patches,) or (2 × patches,), m³
-        Permeability of each patch alone. With at least three patches, the permeability of all other patches without
-        each patch follows. Values are NaN where the flow failed.
+        Permeability of each patch alone. With at least three patches, as many values follow, for which one patch is
+        left out in turn. Values are NaN where the flow failed.
     """
     patches = split_patches(gap, widths)
     selections = [[patch] for patch in patches]

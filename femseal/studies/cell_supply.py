@@ -82,7 +82,9 @@ class CellSupply:
         return self.tiles.choose_cells(self.cells.cut.shape, np.random.default_rng(stream))
 
     def solve_flow(self, cell_of_tile: Indices, step: int) -> tuple[Any, Any]:
-        """Solve the flow through the seal at a step, if each tile has the cell with the given number (tiles,).
+        """Solve the flow through the seal at a load step, for one choice of the cells in its tiles.
+
+        cell_of_tile : number of the cell in each tile (tiles,).
 
         Returns the permeabilities of the elements, and the leakage or the reason why the solver failed.
         """

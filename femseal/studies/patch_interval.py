@@ -106,8 +106,8 @@ class Difficulty:
     detours_below, detours_above : float
         Coefficient d of the detours: the first for the lower end of the interval, the second for the upper end.
     largest_ratio : float
-        Limit of the upper end, as a multiple of the leakage of an open seal. If twice the computed leakage is more than
-        that, this is the limit instead.
+        Limit of the upper end, as a multiple of the leakage of an open seal. If twice the computed leakage is larger
+        than this limit, the limit is twice the computed leakage.
     fraction : float
         Fraction of the true leakages that the intervals must contain when they are calibrated.
     """
@@ -257,8 +257,8 @@ def distances_to_truth(leakage: Array, truth: Array) -> tuple[Array, Array]:
     Returns
     -------
     below, above : array (rows,)
-        Distance of the lower and of the upper end. At most one of them is positive, because the true leakage lies
-        either above or below the computed leakage.
+        Smallest distance from ln(leakage) for the lower end and for the upper end. At most one of the two is positive,
+        because the true leakage lies either above or below the computed leakage.
     """
     with np.errstate(divide="ignore"):
         # The lower end must not be above the true leakage. `IntervalWidths.ends` replaces a lower end below

@@ -117,18 +117,21 @@ def cut_and_cover(
 
     Raises InputError for cells that are too small, and for the reasons of `seal.layouts.Layout.lay_out`.
     """
-    is_even = sampling.presses_evenly
-    most_tiles = MOST_TILES if is_even else None
-    # The usual number of cells depends on whether they stay in order. This is only known when the tiles are laid out.
-    # Therefore it is first assumed that they do, and the surface is cut again if they do not.
-    for in_order in (True, False):
+    presses_evenly = sampling.presses_evenly
+    most_tiles = MOST_TILES if presses_evenly else None
+
+    def cut_and_lay_out(in_order: bool) -> tuple[Cut, SealTiles]:
         cut = Cut.of(surface, cells or usual_cells(surface, in_order=in_order))
         cell_size = CellSize(cut.size, cut.shape[0], sampling.length, sampling.breadth, most_tiles)
         tiles = layout.lay_out(cell_size)
-        tiles = replace(tiles, in_order=tiles.in_order and is_even)
-        if cells or tiles.in_order:
-            break
-    return cut, tiles
+        return cut, replace(tiles, in_order=tiles.in_order and presses_evenly)
+
+    # The usual number of cells depends on whether they stay in order. This is only known when the tiles are laid out.
+    # First assume that the cells stay in order, and cut the surface again if they do not.
+    cut, tiles = cut_and_lay_out(in_order=True)
+    if cells or tiles.in_order:
+        return cut, tiles
+    return cut_and_lay_out(in_order=False)
 
 
 def seal_for_maps(layout: Layout, tiles: SealTiles) -> PressedSeal:
@@ -319,7 +322,8 @@ class TileFluid:
         Returns
         -------
         array (steps, reliefs × paths), Pa
-            Contact pressures of all paths under the first relief, followed by those under the second relief, and so on.
+            Contact pressures: first all paths under the first relief, then all paths under the second relief, and so
+            on.
         """
         reliefs = self.relief[:, None, None]
         contact_pressures = np.maximum(paths[None] - reliefs, 0.0)  # (relief, step, path)
