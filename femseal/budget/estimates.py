@@ -196,9 +196,8 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     q, carried = study.quantile(0.5), abs(fluid.carried)
     loads = np.maximum(study.steps.pressures, max(carried, 1e-300))
     slope = sensitivity(study.steps, q, study.contact_fraction)
-    effect = (
-        slope * carried / loads
-    )  # change of ln(leakage) due to the share that the fluid carries
+    # change of ln(leakage) due to the part of the load that the fluid carries
+    effect = slope * carried / loads
     below, above = 0.5 * effect, 0.2 * effect
     return part_of_changes("effective pressure", study.steps, q, below, above, note)
 

@@ -192,9 +192,8 @@ def _amount_per_area(
     if previous is None:
         return filled
     previous_pocket = np.maximum(previous.pocket, 0)  # 0 outside of pockets and in contact
-    height_of_liquid = (
-        previous.amount / pixel_area
-    )  # sum over the pixels of each previous pocket [m]
+    # sums over the pixels of each previous pocket: heights of the liquid, and gaps [m]
+    height_of_liquid = previous.amount / pixel_area
     sum_of_gaps = _sums(previous_pocket, height_of_liquid.size, gap)
     liquid_per_gap = np.divide(
         height_of_liquid, sum_of_gaps, out=np.zeros_like(sum_of_gaps), where=sum_of_gaps > 0

@@ -134,9 +134,8 @@ class RoughLayer:
         recovery_at_ends = at_lower_peak + weight_of_upper * (at_upper_peak - at_lower_peak)
         recovery_at_start, recovery_at_end = recovery_at_ends
         change = recovery_at_end - recovery_at_start
-        slope = (
-            change / np.diff(_RELEASED)[interval] / safe_peak
-        )  # of the recovery over the pressure
+        # derivative of the recovery with respect to the pressure
+        slope = change / np.diff(_RELEASED)[interval] / safe_peak
         separation_at_peak, _ = self.on_loading(peak)
         pressure_at_start = _RELEASED[interval] * safe_peak
         separation = separation_at_peak + recovery_at_start + slope * (p - pressure_at_start)

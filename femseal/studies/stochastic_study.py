@@ -102,13 +102,10 @@ def stochastic(
     if not np.isfinite(supply.k).any():
         raise FemsealError(f"cells: every flow failed; the first: {face_cells.failures[0]}")
     unit_leakage = open_leakage_per_permeability(scene, tiles.seal)
-    mean_gap = face_cells.mean_gap.mean(
-        axis=(1, 2)
-    )  # mean gap of the surface in each contact state
-    open_permeability = (
-        supply.at_nominal(mean_gap) ** 3 / 12
-    )  # of a uniform gap as high as the mean gap
-    state = supply.patch_state(unit_leakage * open_permeability)
+    mean_gap = face_cells.mean_gap.mean(axis=(1, 2))  # of the surface in each contact state
+    # leakage of a uniform gap that is as high as the mean gap
+    open_leakage = unit_leakage * supply.at_nominal(mean_gap) ** 3 / 12
+    state = supply.patch_state(open_leakage)
     realisations = _solve_realisations(supply, sampling, state, mapper)
     leakage = np.array([realisation.leakage for realisation in realisations])
     median_seal = _solve_median_seal(supply, sampling, leakage, contact, mapper)
