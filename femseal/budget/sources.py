@@ -183,10 +183,12 @@ def _errors_of(evaluation: Evaluation, result: Any) -> NumericalErrors:
 
 
 def _solver(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+    """Evaluate the error due to the residuals of the contact and flow solvers."""
     return _errors_of(evaluation, result).solver()
 
 
 def _pixels(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+    """Evaluate the error of the pixel size, by comparison with a coarser grid."""
     request = evaluation.request
     solved = {} if request.coarser is None else evaluation.solve(request.coarser)
     coarse = compare_leakage(result, request.grid, solved)
@@ -196,6 +198,7 @@ def _pixels(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequenc
 
 
 def _filter(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+    """Evaluate the error of the filter, by comparison with a surface with even fewer waves."""
     smoother = evaluation.request.smoother
     filtered = None
     if smoother is not None:
@@ -204,26 +207,31 @@ def _filter(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequenc
 
 
 def _realisations(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+    """Evaluate the error due to the finite number of realisations."""
     return _errors_of(evaluation, result).realisations()
 
 
 def _patch(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+    """Evaluate the error of computing the leakage from measured patches, or by blocks."""
     return _errors_of(evaluation, result).patch()
 
 
 def _effective_pressure(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
+    """Evaluate the error of solving cells under their effective pressure."""
     return [effective_pressure_part(evaluation.request.version.scene, result)]
 
 
 def _thin_gap(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> list[ErrorPart | None]:
+    """Evaluate the error of Reynolds' equation in a gap that is not thin."""
     return [thin_gap_part(evaluation.request.version.scene, leakage_of(result))]
 
 
 def _plastic_law(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
+    """Evaluate the error of limiting the contact pressure by the hardness."""
     request = evaluation.request
     ratio = request.hardness_over_yield
     return [plastic_law_part(request.version.scene, result, leakage_of(result), ratio)]
@@ -232,6 +240,7 @@ def _plastic_law(
 def _form_of_the_patch(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
+    """Evaluate the error of not knowing which part of a measured patch is form."""
     version = evaluation.request.version
     effect = evaluation.request.form_effect
     if effect is None:

@@ -349,10 +349,11 @@ def refine_to_accuracy(case: Case, original: Prepared, run: Run) -> RefinedAnswe
         try:
             solved = attempts.attempt(settings)
         except NotKept:
-            raise
+            raise  # the results cannot be stored, which more attempts would not change
         except FemsealError as error:
             if not attempts.done:
                 raise
+            # the result of the last successful attempt is the answer
             reason = f"{change} failed: {error}"
             break
         last = attempts.done[-1]
