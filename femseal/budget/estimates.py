@@ -75,8 +75,8 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     """Estimate how far the mean leakage of several measured patches may be from the leakage of the whole surface.
 
     The variance of ln(leakage) is estimated in two ways. The first is the jackknife: each patch in turn is left out.
-    The second is the usual variance in this contact state, which is known from other surfaces. Both are averaged,
-    weighted by their degrees of freedom, and the interval is taken from Student's distribution.
+    The second is the usual variance in this contact state, which is known from other surfaces. The two variances are
+    averaged, weighted by their degrees of freedom, and the interval is taken from Student's distribution.
 
     If the seal would be sealed without one of the patches, the jackknife in ln(leakage) is not possible. Then the lower
     end is 0, and the upper end is taken from a jackknife in the leakage itself.
@@ -319,7 +319,7 @@ def error_budget(
     Parameters
     ----------
     scene : input of the study.
-    study : result of the study. The budget of a stochastic study is that of its median.
+    study : result of the study. For a stochastic study, the budget belongs to the median leakage.
     coarse : solutions of the same scene on fewer points; only the first one is used. If there is none, the error of the
         pixel size is left out. The upper end of a sealed step is then inf, unless its contact fraction is so large that
         the step is sealed for certain.

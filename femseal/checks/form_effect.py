@@ -50,7 +50,8 @@ class FormEffect:
     height : float
         Height of the curvature: distance from its lowest to its highest point [m].
     radii : tuple of two float
-        Radii of curvature along x1 and x2 [m]. With several patches, height and radii are those of the shortest patch.
+        Radii of curvature along x1 and x2 [m]. If there are several patches, height and radii belong to the shortest
+        patch.
     longest : float
         Wavelength above which waves are removed [m].
     loads : str
@@ -69,8 +70,8 @@ class FormEffect:
         """Effects of the curvature and of the long waves on the leakage (2, loads).
 
         The effect of the curvature is ln(Q/Q_c), with the leakage Q of the patch and its leakage Q_c without curvature.
-        The effect of the long waves is ln(Q/Q_w), with its leakage Q_w without long waves. Both are NaN where the two
-        leakages are 0.
+        The effect of the long waves is ln(Q/Q_w), with its leakage Q_w without long waves. An effect is NaN where the
+        two leakages are 0.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.permeability[0] / self.permeability[1:]

@@ -85,7 +85,7 @@ def line_contact_warnings(scene: Scene, row_pressure: Array) -> tuple[str, ...]:
 
 
 def _modulus_warnings(scene: Scene) -> Iterator[str]:
-    """Warn if the contact modulus is not that of a metal."""
+    """Warn if the contact modulus is outside of the range of metals."""
     low, high = 0.5 * YOUNG_LIMITS[0], 1.2 * YOUNG_LIMITS[1]
     modulus = scene.surface_modulus
     if not low <= modulus <= high:

@@ -177,14 +177,14 @@ def estimate_scene(scene: Scene, unit_leakage: float | None = None) -> QuickEsti
     scene : Scene
         Surface, loads and fluid. Results at unloading steps are NaN.
     unit_leakage : float, optional
-        Leakage per seal length for a uniform permeability of 1 m³ [1/(m s)], by default that of a seal as broad as the
-        surface.
+        Leakage per seal length for a uniform permeability of 1 m³ [1/(m s)]. The default is valid for a seal that is as
+        broad as the surface.
 
     Returns
     -------
     QuickEstimate or None
-        None if no estimate is possible: for a spiral, for a surface whose form determines where it touches, and if the
-        contact is unknown at all loads.
+        None if no estimate is possible. This is the case for a spiral, for a surface whose form determines where it is
+        in contact, and if the contact is unknown at all loads.
     """
     if scene.flow.spiral is not None or any(map(_has_form, scene.surface.patches)):
         return None

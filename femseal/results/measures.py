@@ -258,8 +258,8 @@ def _slope_over_heights(results: Results, slope_over_load: float, step: int) -> 
 
     Let all heights be multiplied by a. The gap is then a times the gap of the original surface with load/a and
     hardness/a, and the leakage is a³ times the leakage of the original surface with load/a and hardness/a. The slope
-    over the heights is therefore 3 − s_load − s_hardness, where the latter two are the slopes of ln(leakage) over
-    ln(load) and ln(hardness).
+    over the heights is therefore 3 − s_load − s_hardness, where s_load and s_hardness are the slopes of ln(leakage)
+    over ln(load) and over ln(hardness).
 
     The slope is NaN in three cases: the seal has a form or a seat, which does not scale with the roughness; the
     hardness depends on the depth; or s_hardness is unknown, because the error budget has no source "hardness".

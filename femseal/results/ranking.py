@@ -34,7 +34,7 @@ class Ranking:
     leakage : array
         Absolute value of the leakage of each run, (run,), all in the same unit; NaN if it is unknown.
     lower, upper : array
-        Ends of the 95 % interval of each run, (run,). Both are equal to the leakage if a run has no interval.
+        Ends of the 95 % interval of each run, (run,). If a run has no interval, both ends are equal to the leakage.
     has_intervals : bool
         True if all runs have an interval.
     """
@@ -54,7 +54,7 @@ class Ranking:
             if not known[run]:
                 ranks.append(None)
                 continue
-            # numbers of runs whose whole interval lies below or above that of this run
+            # numbers of runs whose whole interval lies below or above the interval of this run
             surely_less = int((self.upper[known] < self.lower[run]).sum())
             surely_more = int((self.lower[known] > self.upper[run]).sum())
             ranks.append(RankRange(1 + surely_less, int(known.sum()) - surely_more))

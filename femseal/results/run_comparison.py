@@ -71,7 +71,7 @@ class RunComparison(Plotted):
     def band(self, run: int) -> tuple[Array, Array] | None:
         """Return the lower and upper quantile of the leakage of the realisations of a run.
 
-        Both are arrays (step,) in `unit`. The result is None if the run has no realisations.
+        The quantiles are arrays (step,) in `unit`. The result is None if the run has no realisations.
         """
         results = self.runs[run]
         data = results.dataset
@@ -83,7 +83,7 @@ class RunComparison(Plotted):
     def interval(self, run: int) -> tuple[Array, Array] | None:
         """Return the lower and upper end of the 95 % interval of the leakage of a run.
 
-        Both are arrays (step,) in `unit`. The result is None if the run has no error budget.
+        The ends are arrays (step,) in `unit`. The result is None if the run has no error budget.
         """
         budget = self.runs[run].budget
         if budget is None:

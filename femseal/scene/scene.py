@@ -248,9 +248,9 @@ class Scene:
         take : callable
             Function that computes the result of a step from its `LoadState`.
         steps : LoadProgramme, optional
-            Load programme, by default that of the scene.
+            Load programme, by default the load programme of the scene.
         memory : float, optional
-            Memory that a step needs [byte], estimated by default.
+            Memory that a step needs [byte]; by default, it is estimated.
         mapper : Mapper
             Execution of the items, serial or in parallel.
         """

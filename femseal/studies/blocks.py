@@ -369,7 +369,7 @@ def _solve_block_cells(block_and_pressure: tuple[Scene, Array]) -> _SolvedBlock:
 
 
 def _surface_state(scene: Scene, blocks: list[PatchState], gap: Array) -> PatchState:
-    """Combine the contact states of the blocks into those of the whole surface.
+    """Combine the contact states of all blocks into the contact states of the whole surface.
 
     All blocks are assumed to contribute equally to the dissipation of the flow.
 

@@ -40,8 +40,8 @@ FEWEST = 3
 _SPACING = 1 / 20
 #: Tabulated pressures on unloading, as fractions of the peak.
 _UNLOADING_FRACTIONS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0)
-#: Spacing of the cube roots of neighbouring peaks, as a fraction of that of the highest one, and largest number of
-#: peaks. On the same surfaces, the error of the leakage on unloading was below 0.7 % for peaks at which the seal is
+#: Spacing of the cube roots of neighbouring peaks, as a fraction of the cube root of the highest peak, and largest
+#: number of peaks. On the same surfaces, the error of the leakage on unloading was below 0.7 % for peaks at which the seal is
 #: open. For peaks near closing it was 1.2 % in the median and at most 15 %, whatever the number of peaks.
 _PEAK_SPACING, _MOST_PEAKS = 1 / 12, 6
 #: Smallest relative distance of a tabulated pressure from a peak, and from the lowest and highest pressure. The slope
@@ -186,8 +186,8 @@ class FaceCells:
         Effective number of blocks of one short wave that carry the flow through the surface, see
         `participation_number`; NaN where nothing flows.
     surface_k2, cells_k2 : array (steps,), m³
-        Permeability along x2 of the whole surface and of the grid of cells. Both are means over the measured patches.
-        They are only computed if cells are put together at random, and NaN otherwise.
+        Permeability along x2 of the whole surface and of the grid of cells, averaged over the measured patches. They
+        are only computed if cells are put together at random, and NaN otherwise.
     failures : tuple of str
         One line for each flow that failed.
     unsolved : tuple of (int, str)

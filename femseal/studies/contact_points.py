@@ -1,6 +1,6 @@
 """Solve the pressures of points on an elastic half-space that carry a compliant rough layer and may separate.
 
-The points are those of a seal with a form (`seal_contact`) or the cells of a large surface (`blocks`).
+The points belong to a seal with a form (`seal_contact`), or they are the cells of a large surface (`blocks`).
 """
 
 from __future__ import annotations
@@ -145,8 +145,9 @@ class ContactPoints:
     ) -> PointSolution:
         """Solve the contact under a mean pressure `load`, of which `uniform_part` [Pa] does not deform the body.
 
-        The method is that of conjugate gradients over the points that are in contact and do not yield, under a fixed
-        load (Polonsky & Keer, Wear 231, 1999, 206). The preconditioner is the compliance of each point and its layer.
+        The solution is found by conjugate gradients under a fixed load (Polonsky & Keer, Wear 231, 1999, 206). The
+        unknowns are the pressures of the points that are in contact and do not yield. The preconditioner is the
+        compliance of each point and its layer.
         """
         n = self.depth.size
         # the convolution below includes the displacement by the uniform part, which is subtracted here

@@ -247,7 +247,7 @@ class FaceResult(Shown):
 def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     """Solve contact and flow of the whole surface at full resolution, at every step of the load programme.
 
-    Large fields are kept on disk, so that only those of one load step need memory at a time, see `shared_empty`.
+    Large fields are kept on disk, so that memory is needed for one load step at a time, see `shared_empty`.
 
     Parameters
     ----------

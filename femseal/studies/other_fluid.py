@@ -54,7 +54,7 @@ def drop_ratio(state: FluidState, scene: Scene) -> float | None:
 
 @dataclass(frozen=True)
 class LimitFactors:
-    """Hold the ratios of the leakage of the service fluid to that of a test gas, in the two limits of gas flow.
+    """Hold the leakage of the service fluid divided by the leakage of a test gas, in the two limits of gas flow.
 
     Parameters
     ----------
