@@ -41,8 +41,8 @@ _SPACING = 1 / 20
 #: Tabulated pressures on unloading, as fractions of the peak.
 _UNLOADING_FRACTIONS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0)
 #: Spacing of the cube roots of neighbouring peaks, as a fraction of the cube root of the highest peak, and largest
-#: number of peaks. On the same surfaces, the error of the leakage on unloading was below 0.7 % for peaks at which the seal is
-#: open. For peaks near closing it was 1.2 % in the median and at most 15 %, whatever the number of peaks.
+#: number of peaks. On the same surfaces, the error of the leakage on unloading was below 0.7 % for peaks at which the
+#: seal is open. For peaks near closing it was 1.2 % in the median and at most 15 %, whatever the number of peaks.
 _PEAK_SPACING, _MOST_PEAKS = 1 / 12, 6
 #: Smallest relative distance of a tabulated pressure from a peak, and from the lowest and highest pressure. The slope
 #: between states that are closer to each other would be dominated by their errors.

@@ -374,7 +374,7 @@ def test_what_results_have_nothing_for_is_refused(scene, studies, results, tmp_p
         (lambda: seal_figure(undrawn), "seal figure"),
         (lambda: seal_figure(results, 9), "step: given 9"),
         (lambda: assemble(scene), "no study"),
-        (lambda: assemble(other, two), "another load programme"),
+        (lambda: assemble(other, two), "a different load programme"),
         (lambda: assemble(scene, two, facts=RunFacts(quantiles=(0.9, 0.1))), "quantiles"),
         (lambda: save(results, tmp_path / "out"), "output folder"),
     ):
