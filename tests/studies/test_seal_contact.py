@@ -292,5 +292,5 @@ def test_bad_forms(form, more, text):
 
 def test_a_form_and_a_map_are_refused_together():
     both = {"form": WavyForm(1e-6, lobes=2), "pressure_map": fs.seal.AngleTable((1.0, 2.0))}
-    with pytest.raises(fs.InputError, match="form: given a form and a map"):
+    with pytest.raises(fs.InputError, match="form: given a form and also a pressure map"):
         fs.Sampling(1e-3, seed=1, **both)
