@@ -58,10 +58,10 @@ maximum_signature_line_length = 80
 
 #: Examples of the gallery; with `-t short` only the quick ones are run. The others of the folder need an argument.
 SHOWN = (
-    *("tutorial", "elastic_check", "one_cell", "lens_ring", "measured_face"),
+    *("tutorial", "elastic_check", "one_cell", "scratch", "lens_ring", "measured_face"),
     *("real_size_seal", "paper_2018", "read_results", "design_answer", "sobol"),
 )
-QUICK = ("elastic_check", "one_cell", "measured_face")
+QUICK = ("elastic_check", "one_cell", "scratch", "measured_face")
 #: Pictures for the examples that are not run with `-t short`; paths are relative to this folder.
 THUMBNAILS = {
     "tutorial": "../examples/turned_seal.png",

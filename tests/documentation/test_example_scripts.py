@@ -45,6 +45,7 @@ def test_every_script_has_a_test():
     here = {
         "elastic_check",
         "one_cell",
+        "scratch",
         "lens_ring",
         "measured_face",
         "real_size_seal",
@@ -84,6 +85,39 @@ def test_one_cell_closes_and_opens_again_less():
     ratio = states[0].pressure / 2.8e9
     assert ratio < states[0].contact.area_fraction < 1.2 * ratio
     assert (k <= analytic.parallel_plates([s.contact.mean_gap for s in states])).all()
+
+
+def test_a_scratch_closes_if_it_is_shallow_and_is_a_channel_if_it_is_deep():
+    script = names("scratch")
+    seat, pressure, length = script["lapped_seat"](), 8e8, script["SEAT"][0]
+    assert script["conductance"](seat, pressure) == 0
+    closed = pressure * 200e-6 / (1.85 * script["MODULUS"])
+    wide = script["scratched"](seat, 200e-6, 0.5 * closed)
+    assert script["conductance"](wide, pressure) == 0
+    # ∫ h³ dx/12 of a cosine is 5/16 of that of its depth; elastic deformation closes a part of it
+    depth, width = 4e-6, 25e-6
+    channel = 5 / 16 * depth**3 * width / (12 * length)
+    deep = script["conductance"](script["scratched"](seat, width, depth), 2e8)
+    without = script["conductance"](seat, 2e8)
+    assert 0.8 * channel < deep - without < channel
+    needed = [
+        script["leaking_depth"](row, seat_leakage)
+        for seat_leakage, found in [script["leakages"](pressure)]
+        for row in found
+    ]
+    assert (np.diff(needed) > 0).all()  # a wider one may be deeper
+
+
+def test_a_smooth_scratch_closes_at_the_depth_of_its_closed_form():
+    """Without roughness, contact covers the whole face from 1.85 E* d/w on; far periods add (w/L)²."""
+    script = names("scratch")
+    flat = fs.Topography(np.zeros((4, 2048)), (1e-6, 1e-6), (True, True))
+    face = script["scratched"](flat, 128e-6, 0.5e-6)
+    body = fs.HalfSpace(face.shape, face.spacing, script["MODULUS"])
+    closing = 1.85 * script["MODULUS"] * 0.5e-6 / 128e-6
+    for ratio, is_closed in ((0.97, False), (1.03, True)):
+        contact = fs.solve_contact(face.gap(), body, pressure=ratio * closing, rtol=1e-8)
+        assert (contact.area_fraction == 1) == is_closed
 
 
 def test_measured_face_leaks_what_parallel_plates_bound():
@@ -160,7 +194,9 @@ def test_scripts_that_write_run_as_programs(stem, drawn, drawn_seal, tmp_path, m
     assert (tmp_path / WRITES[stem]).exists()
 
 
-@pytest.mark.parametrize("stem", ["elastic_check", "one_cell", "lens_ring", "real_size_seal"])
+@pytest.mark.parametrize(
+    "stem", ["elastic_check", "one_cell", "scratch", "lens_ring", "real_size_seal"]
+)
 def test_scripts_that_plot_run_as_programs(stem, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     backend = matplotlib.get_backend()
