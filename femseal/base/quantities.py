@@ -13,6 +13,8 @@ from .errors import InputError, shown
 _DECIMAL_COMMA = re.compile(r"\d,\d")
 #: Longest text that can be a quantity [characters].
 _LONGEST = 80
+#: Parts of a unit: an exponent such as "^2", "-1" or "²", a name such as "mm" or "°C", a name with an exponent, and a
+#: product or quotient of these.
 _EXPONENT = r"(?:(?:\^|\*\*)?[-+]?\d{1,2}|⁻?[¹²³⁴⁵⁶])"
 _NAME = r"(?:[^\W\d_]|[°%])+(?:(?:_|\d+)[^\W\d_]+)*"
 _FACTOR = rf"(?:1|{_NAME}{_EXPONENT}?)"

@@ -78,28 +78,16 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
 
     file = Path(fspath(path))
     data = read_data(file)
-    present = [kind for kind in (*_KINDS, *_SECOND_ORDER) if kind in data.cells_dict]
-    if len(present) != 1 or present[0] in _SECOND_ORDER:
-        found = " and ".join(present) or ", ".join(data.cells_dict) or "nothing"
-        expected = f"a mesh with cells of one kind of {', '.join(_KINDS)}, {LINEAR}"
-        if not present and file.suffix.lower() == _GMSH:
-            expected = f"elements of the seal's area; {_PHYSICAL_SURFACE}"
-        raise InputError("path", f"'{file}' with {found}", expected)
-    kind = present[0]
+    kind = _kind_of_cells(file, data)
+    _check_groups(file, data)
     cells = data.cells_dict[kind]
-    groups = {
-        str(name): tag for name, (tag, dimension) in data.field_data.items() if dimension == 1
-    }
-    if groups and not any(_has_tag(data, tag) for tag in groups.values()):
-        given = f"'{file}', none of whose lines is in its physical groups {', '.join(groups)}"
-        raise InputError("path", given, _SAVE_GROUPS)
     points = _plane_points_of(file, data, cells, 1e-9) * unit
     # keep only the nodes of elements, and renumber them
     kept_nodes, renumbered = np.unique(cells, return_inverse=True)
     elements = renumbered.reshape(cells.shape)
     mesh_class = getattr(skfem, _KINDS[kind])
     mesh = mesh_class(np.ascontiguousarray(points[kept_nodes].T), np.ascontiguousarray(elements.T))
-    # number of the vertex for each node of the file, −1 if it was omitted
+    # index of the vertex of the mesh for each node of the file, −1 if the node was omitted
     vertex = np.full(len(points), -1)
     vertex[kept_nodes] = np.arange(kept_nodes.size)
     boundaries = {}
@@ -108,6 +96,28 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
         if facets.size:
             boundaries[name] = facets
     return mesh.with_boundaries(boundaries)
+
+
+def _kind_of_cells(file: Path, data: Any) -> str:
+    """Return the only kind of cells of a mesh file, which is a key of `_KINDS`; raise InputError for other meshes."""
+    present = [kind for kind in (*_KINDS, *_SECOND_ORDER) if kind in data.cells_dict]
+    if len(present) == 1 and present[0] in _KINDS:
+        return present[0]
+    found = " and ".join(present) or ", ".join(data.cells_dict) or "nothing"
+    expected = f"a mesh with cells of one kind of {', '.join(_KINDS)}, {LINEAR}"
+    if not present and file.suffix.lower() == _GMSH:
+        expected = f"elements of the seal's area; {_PHYSICAL_SURFACE}"
+    raise InputError("path", f"'{file}' with {found}", expected)
+
+
+def _check_groups(file: Path, data: Any) -> None:
+    """Raise InputError if a mesh file has physical groups of lines, but none of its lines belongs to one of them."""
+    groups = {
+        str(name): tag for name, (tag, dimension) in data.field_data.items() if dimension == 1
+    }
+    if groups and not any(_has_tag(data, tag) for tag in groups.values()):
+        given = f"'{file}', none of whose lines is in its physical groups {', '.join(groups)}"
+        raise InputError("path", given, _SAVE_GROUPS)
 
 
 def read_field(path: str | PathLike[str], name: str) -> tuple[Array, Array]:

@@ -169,6 +169,7 @@ class PeriodicSeal:
         )
         k = np.concatenate([permeability] * repetitions, axis=1)
         flow = elements.flow(k.reshape(-1, *k.shape[2:]), bounds=True, solver=solver)
+        # vertices of the columns without the repetitions, (n1 + 1, n2)
         vertices = repeated.vertices[:, :n2]
         return replace(
             flow,

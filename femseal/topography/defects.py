@@ -314,10 +314,12 @@ def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
     hole = np.isnan(heights)
     if not hole.any():
         return heights
-    position = np.nonzero(hole)  # rows and columns of the unknown heights
-    # numbers of these points in the map, row by row
+    # rows and columns of the unknown heights, and their indices in the map, row by row
+    position = np.nonzero(hole)
     index = np.ravel_multi_index(position, hole.shape)
     count = index.size
+    # Equation of an unknown height z: the sum of weight · (z − z_neighbour) over its four neighbours is 0. The terms of
+    # neighbours with a known height are on the right side.
     laplacian = scipy.sparse.csr_array((count, count))
     right_side = np.zeros(count)
     for axis in (0, 1):
@@ -332,7 +334,7 @@ def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
             is_known = ~np.isnan(neighbour_height)
             right_side[is_known] += weight * neighbour_height[is_known]
             (unknown,) = np.nonzero(~is_known)
-            # number of the neighbour among the unknowns
+            # index of the neighbour among the unknowns, which is the column of its coefficient in the matrix
             column = np.searchsorted(index, neighbour[unknown])
             off_diagonal = scipy.sparse.coo_array(
                 (np.full(unknown.size, weight), (unknown, column)), shape=(count, count)

@@ -227,16 +227,17 @@ def material_ratios(z: NDArray) -> dict[str, Any]:
         return {"sk": sq, "spk": sq, "svk": sq, "smr": (nan,) * 3}
     falling = np.sort(z, axis=None)[::-1]  # the material ratio curve, over equal steps of the area
     n = z.size
-    core_points = max(1, round(_CORE * (n - 1)))
+    core_points = max(1, round(_CORE * (n - 1)))  # number of steps that cover 40 % of the area
     # fall of the height over 40 % of the area, for all positions of the first point
     drops = falling[: n - core_points] - falling[core_points:]
     # if the fall is smallest at several positions, the one in the middle is taken
     flattest = np.flatnonzero(drops <= drops.min() * (1 + 1e-9))
     begin = int(np.median(flattest))
     core = slice(begin, begin + core_points + 1)
-    ratio = (np.arange(n)[core] + 0.5) / n
+    ratio = (np.arange(n)[core] + 0.5) / n  # material ratio at each point of the core
+    # line height = top + slope · ratio, which ends at a ratio of 1
     slope, top = np.polyfit(ratio, falling[core], 1)
-    bottom = top + slope  # height of the line at a ratio of 1
+    bottom = top + slope
     peaks = falling[falling > top] - top
     valleys = bottom - falling[falling < bottom]
     smr = tuple(float(np.mean(z >= z.mean() + c)) for c in (sq, 0.0, -sq))

@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from ..base import Array
+from ..base import Array, Flags
 from .patches import Surface
 from .topography import SLACK, Topography
 
@@ -144,22 +144,35 @@ def spectrum(topography: Surface) -> Spectrum:
         return Spectrum(2 * pi / nyquist, 0.0, None)
     floor = _noise_floor(q, density, nyquist)
     is_signal = density > max(_ABOVE_NOISE * floor, _ROUNDING * density.max())
-    # a map of pure noise has no measured waves; its longest wave is taken
-    last_signal = q[is_signal].max() if is_signal.any() else q[0]
-    if last_signal == q[-1]:
-        last_signal = nyquist  # all waves of the grid stand out of the noise
-    shortest = 2 * pi / last_signal
-    # The ring at the end of the signal may contain only some of its waves, and waves longer than half the map were
-    # changed when the form was subtracted.
+    shortest = 2 * pi / _last_signal(q, is_signal, nyquist)
+    # The power law is fitted without the ring at the end of the signal, which may contain only some of its waves, and
+    # without waves longer than half of the shorter side, which were changed when the form was subtracted.
     step = float(np.diff(q).max(initial=0.0))
     is_used = (q >= 4 * pi / min(topography.size)) & (q <= 2 * pi / shortest - step) & is_signal
     law = _fit(_average_in_bins(q[is_used], density[is_used], floor, topography))
     if law is not None:
+        # beyond the power law, waves with a much smaller density were not resolved by the instrument
         is_missing = (q > 2 * pi / law.shortest) & (density - floor < _CUT * law.at(q))
         if is_missing.any():
-            shortest = max(shortest, 2 * pi / q[np.argmax(is_missing)])
+            first_missing = q[np.argmax(is_missing)]
+            shortest = max(shortest, 2 * pi / first_missing)
+    # white noise with the density C has the mean square height C/(Δ1 Δ2)
     noise = float(np.sqrt(floor / np.prod(topography.spacing)))
     return Spectrum(float(shortest), noise, law)
+
+
+def _last_signal(q: NDArray, is_signal: Flags, nyquist: float) -> float:
+    """Return the largest wave number of the waves that stand out of the noise [rad/m].
+
+    q : increasing wave numbers (rings,) [rad/m].
+    is_signal : whether the waves of each ring stand out of the noise, (rings,).
+    nyquist : largest wave number of the grid [rad/m], which is returned if the waves of the last ring stand out.
+    """
+    if not is_signal.any():
+        last = q[0]  # a map of pure noise has no measured waves; its longest wave is taken
+    else:
+        last = q[is_signal].max()
+    return float(nyquist if last == q[-1] else last)
 
 
 def _noise_floor(q: NDArray, density: NDArray, nyquist: float) -> float:

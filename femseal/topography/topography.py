@@ -530,8 +530,8 @@ class Topography(Plotted):
         powers = self._centred_power("psd").sum(axis=1 - axis)
         step = float(self._wave_steps[axis])
         if self.periodic[axis]:
-            # add the waves of negative numbers, which are stored in reverse order at the end, to those of positive
-            # numbers
+            # The indices n − 1, n − 2, … contain the powers of the waves −1, −2, …, which are added to those of the
+            # waves 1, 2, …. If n is even, the Nyquist wave n/2 stays alone.
             n = powers.size
             powers[1 : (n + 1) // 2] += powers[: n // 2 : -1]
             powers = powers[: n // 2 + 1]

@@ -321,7 +321,8 @@ def representative(patch: Surface) -> Representative:
     roll_off = law.roll_off if law and isfinite(law.roll_off) else None
     longest = roll_off or texture(patch).correlation_length / _SAL_OF_WAVE
     q, density = patch.radial_psd()
-    # number of periods of each wave on the shorter side
+    # Number of periods of each wave on the shorter side. The octave of the longest waves has wavelengths from this side
+    # to half of it.
     waves_per_side = q * min(patch.size) / (2 * pi)
     longest_octave = (waves_per_side >= 1) & (waves_per_side < 2)
     next_octave = (waves_per_side >= 2) & (waves_per_side < 4)
