@@ -395,7 +395,7 @@ class RealGas(Gas):
         φ = reals(potential)
 
         def slope(p: Array) -> Array:
-            """Return dφ/dp, but a tiny number instead of 0, by which Newton's method can divide."""
+            """Return dφ/dp. A slope of 0 becomes a tiny number, so that Newton's method can divide by it."""
             return np.maximum(table.slope(p), _LEAST_SLOPE)
 
         # at low pressure φ is proportional to p², so that p is nearly linear in √φ

@@ -1,6 +1,6 @@
 """Calibrate a case with a leak test: run a few simulations, interpolate their leakage, and compute the posterior.
 
-A simulation solves the case with one hardness and one shortest wave. Arguments and attributes call it a scene.
+A simulation solves the case with one hardness and one shortest wave. In names such as `scenes`, it is called a scene.
 """
 
 from __future__ import annotations
@@ -103,9 +103,9 @@ def calibrate(
         written.
     hardness, shortest_wave, factor : pair of float or str, optional
         Lower and upper end of the range of each quantity, in SI or as texts with units. The prior is uniform in the
-        logarithm of the quantity, within this range. The default ranges extend from the value of the case divided by
-        a number to the value multiplied by this number, see `WIDTHS`; the value of the factor is 1. No shortest wave is
-        below 8 pixels.
+        logarithm of the quantity, within this range. By default, hardness and shortest wave are between a third of the
+        value of the case and three times this value, and the factor is between 1/5 and 5. No shortest wave is below 8
+        pixels.
     error : float or str
         Relative standard deviation of a measured leakage.
     scenes : int

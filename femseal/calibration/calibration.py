@@ -294,7 +294,7 @@ def _calibrated_curve(posterior: Posterior, cube: Array) -> Array:
 
 
 def _notes_on_ranges(cube: Array) -> list[str]:
-    """Make a note for each range that may be too narrow. There, many samples lie at one end of the range.
+    """Make a note for each range that may be too narrow, because many samples lie at one of its ends.
 
     cube : samples in the unit cube (n, 3).
     """
@@ -394,10 +394,12 @@ def calibration_figure(calibration: Calibration) -> Figure:
     _draw_samples(sheet.panel(1, LINES), calibration, "factor")
     axes = sheet.panel(2, load_margins)
     measured = []
-    for rows, marker, label in (
+    # the rows of the test, the marker and the label of both kinds of measured points
+    kinds = (
         (~test.sealed, "D", "measured"),
         (test.sealed, "v", "measured: sealed, or below this"),
-    ):
+    )
+    for rows, marker, label in kinds:
         load = pressure[rows] / unit_in_si
         (points,) = axes.plot(load, test.leakage[rows], marker, color=GREY, label=label)
         measured.append(points)

@@ -93,7 +93,7 @@ class FactorDensity:
         """Compute ln(density), up to a constant, at m values of ln(factor) for each pair, (pairs, m).
 
         ln(density) is log_scale − (misfit + ((ln(factor) − mean)/deviation)²)/2, plus the logarithm of the probability
-        of each sealed row. A sealed row excludes that the model leaks more than the limit of detection.
+        of each sealed row. This is the probability that the model does not leak more than the limit of detection.
         """
         standardised = (log_factor - self.mean) / self.deviation
         log_density = self.log_scale - 0.5 * (self.misfit + standardised**2)
@@ -219,8 +219,9 @@ class Posterior:
 
         The unit square of hardness and shortest wave is divided into small squares, four for each sample. If the most
         probable quarter of the squares contains nearly all of the probability, the other squares are dropped, and the
-        remaining ones are divided into four. This is repeated as long as possible. Each square is then divided into
-        slabs along ln(factor). For each sample, a Sobol sequence chooses a slab and a point in it.
+        remaining ones are divided into four. This is repeated until the probability is spread over more squares. Each
+        square is then divided into slabs along ln(factor). For each sample, a Sobol sequence chooses a slab and a point
+        in it.
 
         The samples hardly depend on rounding errors: if the last digits of the density change, few samples move, and
         they only move to a neighbouring square. In a Markov chain, all later samples would change.

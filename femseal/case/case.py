@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from ..base import InputError, shortened, to_text
-from ..base.leak_rates import check_classes
+from ..base.leak_rates import LeakBasis, check_classes
 from ..contact import Bodies, ContactLaw, checked_modulus, softer_of
 from ..flow.problem import SOLVERS
 from ..fluids import leak_basis, potential_of
@@ -228,10 +228,13 @@ class Case(Table):
         output = self.output
         tested_fluid = output.test_fluid or self.fluid
         pressure_drop = tested_fluid.state.pressure_drop
-        service_basis, test_basis = (
-            leak_basis(table.fluid, 1.0, pressure_drop=pressure_drop, **output.valve)
-            for table in (self.fluid, tested_fluid)
-        )
+
+        def basis_of(table: FluidTable) -> LeakBasis:
+            """Return how the leakage of a fluid is converted between units."""
+            return leak_basis(table.fluid, 1.0, pressure_drop=pressure_drop, **output.valve)
+
+        service_basis = basis_of(self.fluid)
+        test_basis = basis_of(tested_fluid)
         unit = output.unit
         if unit is not None and service_basis.lacks(unit) and test_basis.lacks(unit):
             kind = "gas" if service_basis.is_gas else "liquid"
@@ -306,7 +309,7 @@ class Case(Table):
                 raise InputError("load.map", "a map with seal.form", expected)
 
     def _check_stochastic_alone(self, name: str, given: str, why: str) -> None:
-        """Raise an InputError if the case has another method beside the stochastic one, which alone can use a key.
+        """Check a key that only the stochastic method can use. Raise an InputError if the case has other methods.
 
         Parameters
         ----------
@@ -405,7 +408,7 @@ class Case(Table):
 
     @property
     def modulus(self) -> float | Bodies:
-        """Contact modulus [Pa]. If one of the bodies is coated, these are the two bodies instead of a modulus."""
+        """Contact modulus [Pa] or, if one of the bodies is coated, the pair of bodies."""
         return checked_modulus(self.bodies)
 
     def echo(self) -> dict[str, Any]:

@@ -322,7 +322,8 @@ def _temperature(fluid: RawTable, table_key: str) -> float:
     """
     if "temperature" not in fluid:
         return TABLE_TEMPERATURE
-    key, text = f"{table_key}.temperature", fluid["temperature"]
+    key = f"{table_key}.temperature"
+    text = fluid["temperature"]
     try:
         temperature = in_si(text, "K", "20 °C")
     except InputError as error:

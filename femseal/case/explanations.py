@@ -49,7 +49,7 @@ def _explain(error: dict[str, Any], data: dict[str, Any]) -> InputError:
     error : description of the error, with the entries "loc", "type", "input" and "ctx" of pydantic.
     """
     path, tables = _locate(error["loc"])
-    kind = error["type"]
+    kind = error["type"]  # name of the type of error in pydantic
     given = error["input"]
     cause = error.get("ctx", {}).get("error")  # InputError that a validator of femseal has raised
     if isinstance(cause, InputError) and cause.what:
@@ -60,11 +60,11 @@ def _explain(error: dict[str, Any], data: dict[str, Any]) -> InputError:
         return _explain_input_error(key, given, cause)
     if kind == "missing":
         return _explain_missing(path, tables[0])
-    if kind == "extra_forbidden":
+    if kind == "extra_forbidden":  # a key that the table does not have
         if key in REMOVED:
             return InputError(key, shown(given), f"none: removed; {REMOVED[key]}")
         return InputError(key, "an unknown key", _known_keys(path, tables[0]))
-    if kind.startswith("union_tag"):
+    if kind.startswith("union_tag"):  # a missing or unknown value of the key `kind`
         chosen = given.get("kind") if isinstance(given, dict) else given
         kinds = ", ".join(repr(kind_of(table)) for table in tables)
         return InputError(f"{key}.kind", shown(chosen), f"one of {kinds}")
@@ -86,8 +86,10 @@ def _explain_input_error(key: str, value: Any, cause: InputError) -> InputError:
         # such an error may have been raised by any function of the package, and may have a long explanation
         return InputError(key, cause.given, shortened(cause.expected, _LONGEST_EXPLANATION))
     given = cause.given
-    if isinstance(given, str) and not given:
-        given = "" if isinstance(value, (dict, Table)) else shown(value)
+    is_given_empty = isinstance(given, str) and not given
+    if is_given_empty and not isinstance(value, (dict, Table)):
+        # the message shows the value, unless it is a whole table
+        given = shown(value)
     return InputError(key, given, cause.expected)
 
 
@@ -139,8 +141,8 @@ def _locate(location: tuple[Any, ...]) -> tuple[list[str], list[type[Table]]]:
     Returns
     -------
     path : parts of the dotted key. The kinds of tables are left out, because they are not part of the key.
-    tables : class of the table that contains the key. If the value of the key is itself a table, these are instead the
-        classes of all kinds of this table.
+    tables : class of the table that contains the key. If the value of the key is itself a table, the list contains the
+        classes of all kinds of this inner table instead.
     """
     path: list[str] = []
     tables: list[type[Table]] = [Case]

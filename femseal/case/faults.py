@@ -2,7 +2,7 @@
 
 A validator raises an `InputError`, and pydantic records which value or table was validated. The validator of a table
 names the key inside the table: if the validator of [fluid] raises `InputError("inlet_pressure", …)`, the message
-names `fluid.inlet_pressure`. The validator of a single value need not name a key, and the first argument is empty.
+names `fluid.inlet_pressure`. The validator of a single value need not name a key. The first argument is then empty.
 """
 
 from collections.abc import Iterator

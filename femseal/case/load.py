@@ -268,11 +268,15 @@ class LoadTable(Table):
         area : nominal contact area of the seal [m²].
         length : length of the seal [m].
         """
-        loading, peaks, unloading = (
-            tuple(self._pressure(load, area, length) for load in loads)
-            for loads in (self.loading, self.peaks, self.unloading)
-        )
+
+        def pressures_of(loads: tuple[float, ...]) -> tuple[float, ...]:
+            return tuple(self._pressure(load, area, length) for load in loads)
+
+        loading = pressures_of(self.loading)
+        peaks = pressures_of(self.peaks)
+        unloading = pressures_of(self.unloading)
         if self.relaxation:
+            # the seal is also unloaded to the load that is left of each peak after relaxation
             after_relaxation = {relaxed(peak, self.relaxation) for peak in peaks}
             unloading = tuple(sorted(after_relaxation | set(unloading), reverse=True))
         return {"loading": loading, "unload_from": peaks, "unloading": unloading}

@@ -222,7 +222,9 @@ def unusual_values(table: Table, table_key: str = "") -> Iterator[str]:
         if not outside:
             continue
         value, usual = outside[0]  # the warning states the first of these values
-        given, low, high = (with_its_unit(x, usual.unit) for x in (value, usual.low, usual.high))
+        given = with_its_unit(value, usual.unit)
+        low = with_its_unit(usual.low, usual.unit)
+        high = with_its_unit(usual.high, usual.unit)
         others = f" (and {len(outside) - 1} more)" if len(outside) > 1 else ""
         yield f"{key} {given}{others} is outside the usual range of {low} to {high}: is the unit right?"
 
@@ -247,7 +249,7 @@ def _values_outside(values: list[Any], field: FieldInfo) -> list[tuple[float, Us
 
 
 def _flattened(value: Any) -> Iterator[Any]:
-    """Yield all values inside nested tuples. A value that is not a tuple is yielded itself."""
+    """Yield all values inside nested tuples. A value that is not a tuple is yielded unchanged."""
     if isinstance(value, tuple):
         for item in value:
             yield from _flattened(item)

@@ -186,8 +186,10 @@ def _loads_in_assembly(
     unit = "Pa"
     if case is not None:
         unit = case.load.unit
-    elif results is not None and (scale := force_scale(results.dataset)) is not None:
-        unit = "N/m" if scale.unit == "N/mm" else "N"
+    elif results is not None:
+        scale = force_scale(results.dataset)
+        if scale is not None:
+            unit = "N/m" if scale.unit == "N/mm" else "N"
     return [_in_si("assembly", load, unit) for load in loads]
 
 

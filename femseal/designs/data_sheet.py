@@ -431,11 +431,10 @@ def sheet_sentences(answer: Design) -> list[str]:
     data = answer.results.dataset
     load_text = answer.load_text
     sentences = verdict_lines(answer.results, answer.verdicts)
-    prefix = "test_" if "test_leakage" in data else ""
+    prefix = "test_" if "test_leakage" in data else ""  # of the attributes of the compared fluid
     fluid = data.attrs[f"{prefix}fluid"]
-    inlet, outlet = (
-        to_text(data.attrs[f"{prefix}{end}_pressure_Pa"], "Pa") for end in ("inlet", "outlet")
-    )
+    inlet = to_text(data.attrs[f"{prefix}inlet_pressure_Pa"], "Pa")
+    outlet = to_text(data.attrs[f"{prefix}outlet_pressure_Pa"], "Pa")
     width, length = (to_text(side, "m") for side in data.attrs["seal_size_m"])
     sentences.append(
         f"The seal is {width} wide and {length} long. The fluid ({fluid}) flows from {inlet} to {outlet}."

@@ -82,7 +82,7 @@ class Seals:
 
     @classmethod
     def _with_open_loads(cls, steps: LoadProgramme, leakage: Array, curve: LeakageCurve) -> Seals:
-        """Create the seals; where low loads have no known leakage, the leakage is set to infinity.
+        """Create the seals. If the leakage at low loads is unknown, set it to infinity.
 
         At low loads the fluid pressure alone can carry the load, and the faces are separated. The low loads of a branch
         are all loads below the lowest load at which the leakage is known. Loading and each unloading are treated

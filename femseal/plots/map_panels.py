@@ -150,7 +150,9 @@ def add_colour_bar(axes: Axes, image: Any, name: str) -> Any:
 
 
 def add_key(axes: Axes, key: Mapping[str, str]) -> None:
-    """Draw a legend for the points without a value above the map, to the right of the name of the colour bar.
+    """Draw a legend above the map that explains the colours of points without a value.
+
+    The legend is to the right of the name of the colour bar.
 
     key : colour of these points by their meaning, such as "contact".
     """

@@ -73,7 +73,7 @@ def leaking_steps(data: xarray.Dataset) -> list[int]:
 def pressure_margins(line_count: int, with_range: bool) -> Margins:
     """Return the margins of a panel with a legend below it.
 
-    The legend lists `line_count` lines and, `with_range`, a shaded area.
+    The legend lists `line_count` lines. If `with_range` is True, it also lists a shaded area.
     """
     lines = ceil((line_count + with_range) / 2)  # the legend has two columns
     return replace(LINES, bottom=LINES.bottom + LEGEND_LINE * (lines + 0.5))

@@ -122,7 +122,8 @@ def _draw_over_load(axes: Axes, comparison: RunComparison) -> tuple[list[Any], s
     is_shaded = count <= _MOST_SHADED
     handles: list[Any] = []
     for n, colour in enumerate(sequential_colours(count)):
-        (_name, loading), *unloadings = branches_in(comparison.runs[n].dataset)
+        loading_branch, *unloadings = branches_in(comparison.runs[n].dataset)
+        _name, loading = loading_branch
         style: dict[str, Any] = {"color": colour, "marker": MARKERS[n % len(MARKERS)]}
         solid = style | {"label": comparison.labels[n]}
         handles.append(leakage_line(axes, loads[n][loading], leakages[n][loading], **solid))
@@ -132,13 +133,14 @@ def _draw_over_load(axes: Axes, comparison: RunComparison) -> tuple[list[Any], s
         band = bands.ends[n]
         if band is None:
             continue
-        low, high = (end[loading] for end in band)
+        low, high = band
         if is_shaded:
-            leakage_band(axes, loads[n][loading], low, high, colour)
+            leakage_band(axes, loads[n][loading], low[loading], high[loading], colour)
         else:
             # the bars of the runs are side by side, centred at the load
-            shift = 1 + _BAR_DISTANCE * (n - (count - 1) / 2)
-            leakage_bars(axes, loads[n][loading] * shift, low, high, colour)
+            position = 1 + _BAR_DISTANCE * (n - (count - 1) / 2)
+            bar_loads = loads[n][loading] * position
+            leakage_bars(axes, bar_loads, low[loading], high[loading], colour)
     axes.set(xlabel="nominal pressure [MPa]", ylabel=comparison.label)
     set_load_axis(axes, np.concatenate(loads))
     add_grid(axes)

@@ -131,7 +131,10 @@ def surface_meshes(results: Results, step: int, names: list[str]) -> dict[str, A
     for name in names:
         shown = FIELDS[name]
         values = results.pixels(shown.pixels, step)
-        spacing = [float(np.diff(values[axis].values[:2])[0]) * 1e6 for axis in ("x1", "x2")]
+        spacing = []
+        for axis in ("x1", "x2"):
+            first, second = values[axis].values[:2]  # positions of pixels [m]
+            spacing.append(float(second - first) * 1e6)
         image = pyvista.ImageData(
             dimensions=(values.shape[0] + 1, values.shape[1] + 1, 1), spacing=(*spacing, 1.0)
         )
@@ -152,9 +155,8 @@ def seal_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]
     points[:, :2] = 1e6 * corners.reshape(-1, 2)
     count = corners.shape[1]
     indices = np.arange(len(points)).reshape(-1, count)
-    faces = np.insert(
-        indices, 0, count, axis=1
-    ).ravel()  # VTK: number of corners of each tile, then their indices
+    # VTK describes each tile by the number of its corners, and then the indices of the corners
+    faces = np.insert(indices, 0, count, axis=1).ravel()
     meshes = {}
     for name in names:
         shown = FIELDS[name]
@@ -199,19 +201,19 @@ def _window(
         plotter.set_background("white")
         bar = {"title": shown.heading, "color": "black", "fmt": "%.3g", "vertical": False}
         values = np.asarray(mesh.cell_data[shown.heading])
-        is_empty = not np.isfinite(values).any()
-        if is_empty:
+        if np.isfinite(values).any():
+            plotter.add_mesh(
+                mesh,
+                scalars=shown.heading,
+                cmap=shown.colours,
+                nan_color="lightgrey",
+                lighting=False,
+                show_scalar_bar=True,
+                scalar_bar_args=bar,
+            )
+        else:
             mesh.clear_data()
-        plotter.add_mesh(
-            mesh,
-            scalars=None if is_empty else shown.heading,
-            color="lightgrey" if is_empty else None,
-            cmap=None if is_empty else shown.colours,
-            nan_color="lightgrey",
-            lighting=False,
-            show_scalar_bar=not is_empty,
-            scalar_bar_args=None if is_empty else bar,
-        )
+            plotter.add_mesh(mesh, color="lightgrey", lighting=False, show_scalar_bar=False)
         _mark_ends(plotter, ends if ends is not None else _sides(mesh.bounds))
         _add_scale_bar(plotter, mesh.bounds)
         plotter.view_xy()

@@ -42,7 +42,8 @@ def drawing_warnings(case: Case, surface: Surface) -> Iterator[str]:
         if wanted is None or abs(value / wanted - 1) <= _TOLERANCE:
             continue
         name = key.capitalize()
-        actual, stated = to_text(value, "m", 3), to_text(wanted, "m", 3)
+        actual = to_text(value, "m", 3)
+        stated = to_text(wanted, "m", 3)
         yield (
             f"The surface is not that of the drawing: its {name} is {actual}, the drawing states {stated}. "
             f"Multiply the heights of [face] (depth, roughness, rms_height, rms_slope) by {wanted / value:.3g}"

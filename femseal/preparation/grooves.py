@@ -86,13 +86,17 @@ def groove_pitch(surface: Surface) -> float | None:
     if not profile.var() > _GROOVED * surface.heights.var():
         return None
     n = np.arange(profile.size)
-    level_profile = profile - np.polyval(np.polyfit(n, profile, 2), n)
+    parabola = np.polyval(np.polyfit(n, profile, 2), n)
+    level_profile = profile - parabola
     power = np.abs(np.fft.rfft(level_profile)) ** 2  # the index is the number of waves along x1
     power[:_LEAST_GROOVES] = 0.0
+    # the wave number with the highest power, and its two neighbours
     strongest = int(power.argmax())
     wave_numbers = np.arange(strongest - 1, min(strongest + 2, power.size))
     peak_power = power[wave_numbers]
-    if not peak_power.sum() > _EVENLY_SPACED * power.sum() > 0:
+    least_peak_power = _EVENLY_SPACED * power.sum()
+    is_evenly_spaced = peak_power.sum() > least_peak_power > 0
+    if not is_evenly_spaced:
         return None
     # The number of grooves need not be an integer. The weighted mean of the neighbouring wave numbers estimates it.
     groove_count = float(peak_power @ wave_numbers) / float(peak_power.sum())

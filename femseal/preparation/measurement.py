@@ -25,8 +25,8 @@ def is_measured(case: Case, surface: Surface) -> bool:
 def form_check_pressures(case: Case, scene: Scene) -> tuple[float, ...]:
     """Choose the nominal pressures at which the effect of the form of a measured patch is computed [Pa].
 
-    Up to four loads of the loading are chosen. The result is empty if the case defines the form itself: by the key
-    `detrend`, by a seat, or by the form of the whole seal.
+    Up to four of the loads during loading are chosen. The result is empty if the case defines the form itself: by the
+    key `detrend`, by a seat, or by the form of the whole seal.
     """
     loads = [pressure for pressure in scene.steps.loading if pressure > 0]
     defines_form = case.seat.kind != "flat" or bool(case.seal.form)

@@ -21,7 +21,7 @@ _TILE_BYTES = 4000
 
 @contextmanager
 def refuse_impossible_sizes() -> Iterator[None]:
-    """Convert errors of Python within this context, which mean that a size or number is too large, to an InputError."""
+    """Raise an InputError if a size or a number is too large for the computations within this context."""
     try:
         yield
     except (MemoryError, OverflowError, RecursionError) as error:

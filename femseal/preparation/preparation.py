@@ -169,8 +169,7 @@ class Prepared:
     def answer(self) -> Study:
         """Study that gives the leakage of the run.
 
-        It is the last one of `studies`. Their order ends with the study in blocks and the stochastic study, which
-        describe more of the seal than the other ones.
+        It is the last one of `studies`. The stochastic study, which describes the whole seal, is last in this list.
         """
         return self.studies[-1]
 

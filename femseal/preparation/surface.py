@@ -356,9 +356,9 @@ def _choose_cells(
 ) -> Shape | None:
     """Choose the numbers of cells along both axes of a patch; return None if no method needs cells.
 
-    The case can give the size of the cells or their numbers. Otherwise the first of these rules that applies determines
-    the numbers: a block has a fixed number of cells; a stochastic study has its usual cells; the sides of a cell are at
-    least eight times the shortest wave.
+    The case can give the size of the cells or their numbers. Otherwise the numbers follow from the methods. In a study
+    in blocks, each block has a fixed number of cells. In a stochastic study, the numbers are those of `usual_cells`. In
+    a two-scale study alone, the sides of a cell are at least eight times the shortest wave.
     """
     table = case.cells or CellsTable()
     stochastic = case.stochastic

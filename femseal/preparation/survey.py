@@ -192,7 +192,8 @@ def _in_metres(**options: Any) -> dict[str, Any]:
     """Convert lengths that are text with a unit, one or several, to m; other options are returned as they are."""
     converted = dict(options)
     for name in _LENGTHS & options.keys():
-        value, option = options[name], f"--{name.replace('_', '-')}"
+        value = options[name]
+        option = f"--{name.replace('_', '-')}"
         if isinstance(value, str):
             converted[name] = to_si(value, "m", option)
         elif value is not None:

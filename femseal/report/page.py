@@ -169,7 +169,7 @@ def page_template() -> Template:
 
 
 def _cells_of_half_drop(data: xarray.Dataset, step: int) -> int:
-    """Return how few cells have together half of the pressure drop at a load step. The result is 0 if it is unknown.
+    """Return the smallest number of cells that together cause half of the pressure drop; 0 if it is unknown.
 
     The pressure drop of each cell is a fraction of the total drop. The fractions are added from the largest on, until
     their sum is 1/2.
@@ -192,7 +192,7 @@ def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
     if isinstance(value, list):
         if not any(isinstance(item, dict) for item in value):
             return [(name, ", ".join(map(_plain_text, value)))]
-        value = dict(enumerate(value))
+        value = dict(enumerate(value))  # a list of tables: the keys are the positions
     if not isinstance(value, dict):
         return [(name, _plain_text(value))]
     lines = []

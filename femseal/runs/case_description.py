@@ -283,7 +283,7 @@ def _stochastic_lines(prepared: Prepared) -> Iterator[Line]:
 
 
 def _cells_text(prepared: Prepared, cells: Shape) -> str:
-    """Return the number of cells and their size as text. If they contain few waves, advise to use larger cells."""
+    """Return the number of cells and their size as text. If the cells contain few waves, advise larger ones."""
     sides = [side / m for side, m in zip(prepared.scene.surface.size, cells, strict=True)]
     n_waves = [side / prepared.conditioning.shortest_wave for side in sides]
     size = " × ".join(to_text(side, "m", 3) for side in sides)

@@ -338,7 +338,7 @@ def with_setting(error: InputError, setting: str) -> InputError:
 
 
 def short_names(keys: Sequence[str]) -> tuple[str, ...]:
-    """Shorten dotted keys. Of each key, as few of the last parts are kept as distinguish it from the other keys.
+    """Shorten dotted keys to their last part, or to several last parts if other keys have the same last part.
 
     Examples
     --------
