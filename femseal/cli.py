@@ -95,6 +95,7 @@ def check(path: CasePath) -> None:
     from .runs.forecast import describe, refuse_too_large
 
     def report_begin(stage: str, done: int, total: int | None) -> None:
+        """Print the name of a stage when it begins."""
         if not done:
             typer.echo(stage, err=True)
 

@@ -228,6 +228,7 @@ def _read_step(cells: list[str], columns: dict[str, _Column], case: Case) -> Loa
     unit = case.load.unit
 
     def read_load(column: str, what: str) -> float:
+        """Read a load from a column, and convert it to the unit of the case. what : its name, for messages."""
         text = cells[columns[column].position].strip()
         number = _read_number(text, what, "a number >= 0") * columns[column].factor
         # equal loads must be equal numbers, so the rounding errors of the conversion of units are removed

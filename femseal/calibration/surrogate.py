@@ -198,6 +198,7 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
         standardised_sets.append(_Data(data.points, standardised_values))
 
     def negative_log_posterior(parameters: Array) -> float:
+        """Compute −ln(density) of the parameters, up to a constant, by the formula above."""
         total = 0.5 * (((parameters - medians) / deviations) ** 2).sum()
         for data in standardised_sets:
             covariance = _covariance(parameters, data.points, data.points)

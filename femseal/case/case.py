@@ -83,6 +83,7 @@ class CellsTable(Table):
 
     @model_validator(mode="after")
     def _check_keys(self) -> CellsTable:
+        """Raise an InputError if the table has both the number and the size of the cells."""
         if self.count is not None and self.size is not None:
             raise invalid_value("either `count` or `size`")
         return self
@@ -106,6 +107,7 @@ class StochasticTable(Table):
 
     @model_validator(mode="after")
     def _check_quantiles(self) -> StochasticTable:
+        """Raise an InputError unless the first quantile is below the second one."""
         lower, upper = self.quantiles
         if lower >= upper:
             raise invalid_value("two rising `quantiles`")
@@ -193,6 +195,7 @@ class Case(Table):
         return self
 
     def _check_accuracy(self) -> None:
+        """Raise an InputError if the case has an accuracy without an error budget, or a time limit without accuracy."""
         if self.accuracy is not None and not self.output.budget:
             expected = "true, because the error budget says when the accuracy is reached"
             raise InputError("output.budget", "false with accuracy", expected)

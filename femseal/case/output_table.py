@@ -104,6 +104,7 @@ class OutputTable(Table):
 
     @model_validator(mode="after")
     def _check_report(self) -> OutputTable:
+        """Raise an InputError if the case asks for the report but not for the pictures that it contains."""
         if self.report and not self.pictures:
             expected = "false, because the report consists of pictures"
             raise InputError("report", "true with pictures = false", expected)

@@ -154,6 +154,7 @@ class OneForBothAxes:
 
     @staticmethod
     def _read(value: Any, validate_pair: Callable[[Any], Any]) -> Any:
+        """Validate a pair of values, or a single value that becomes a pair of two equal values."""
         if isinstance(value, (list, tuple, dict)):
             return validate_pair(value)
         try:
@@ -170,6 +171,7 @@ def quantity_schema(expected: str) -> dict[str, Any]:
 
 
 def _read_channel(value: Any) -> int | str:
+    """Check the name or the number of a channel of a file, and return it."""
     if isinstance(value, str) and value:
         return value
     is_number = isinstance(value, int) and not isinstance(value, bool)
@@ -179,6 +181,7 @@ def _read_channel(value: Any) -> int | str:
 
 
 def _read_length_unit(value: Any) -> Any:
+    """Check that a text is a unit of length, and return it."""
     with as_value_error("a unit of length, such as 'mm'"):
         to_si(f"1 {value}", "m")
     return value

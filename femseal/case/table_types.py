@@ -104,6 +104,7 @@ class ParameterTable(Table):
 
     @model_validator(mode="after")
     def _check_object(self) -> ParameterTable:
+        """Create the object of the table, so that an error of its constructor is reported for the case."""
         if self.is_checked:
             self.make()
         return self

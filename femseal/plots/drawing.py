@@ -286,6 +286,7 @@ def shows(result_class: type) -> Callable[[Callable[..., Figure]], Callable[...,
     """
 
     def register(draw: Callable[..., Figure]) -> Callable[..., Figure]:
+        """Register the function for `result_class`, and return it with the style of femseal."""
         draw_in_style = styled(draw)
         _draw.register(result_class, draw_in_style)
         return draw_in_style
