@@ -510,10 +510,13 @@ def _gap_of_touching_parts(
     lowest_modulus = min(modulus, softer_modulus)
     # The arrays below have a row for each resolution, and a column for each wave. Waves that are shorter than the
     # resolution separate the parts in apparent contact; the integrand of longer waves is 0.
+
     # mean square slope up to the middle of the band of each wave (column,)
     middle = (square_slope[1:] + square_slope[:-1]) / 2
+    # mean square slope of the waves between the resolution and each wave
     slope_between = middle - square_slope[:-1, None]
     w = np.sqrt(2 / np.where(slope_between > 0, slope_between, inf))
+    # u = √π ∫ q′²C w G(w p̄/AE*) dq′, see `critical_junction`, where ∫ q′C dq′ over the band of a wave is power/2π
     lower_limit = np.maximum(w * pressure / (area[:-1, None] * lowest_modulus), x[0])
     integrand = q * power * w * np.interp(np.log(lower_limit), np.log(x), G)
     return integrand.sum(axis=1) / (2 * sqrt(pi))

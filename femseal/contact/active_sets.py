@@ -199,7 +199,8 @@ def _is_solved(
     if not (state.residual <= rtol and is_fresh):
         return False
     if iterations > 0:
-        return True  # the projection has made the pressure carry the load
+        return True  # the projection in the iteration has made the pressure carry the load
+    # the initial pressure may carry another load
     return abs(float(grid.arrays.p.sum()) - problem.load) <= _LOAD_RTOL * problem.load
 
 
@@ -235,12 +236,14 @@ def _list_near(grid: Workspace, loops: Loops, reach: float, margin: float) -> Li
 
 def _first_evaluation(grid: Workspace, loops: Loops, c: float) -> tuple[Lists, Evaluation]:
     """List the points near contact for the initial pressure; the mean v of the points in contact is a guess of δ."""
-    product = _multiply(grid, loops, -inf, 0.0)  # lists the points in contact only
+    product = _multiply(grid, loops, reach=-inf, margin=0.0)  # lists the points in contact only
     # with a very small load there may be no point in contact on a coarse grid
     n_contact = max(product.lists.near, 1)
     delta = product.total_v / n_contact
+    # half of the mean pressure in the contact, converted to a length by the step length c
     margin = 0.5 * product.load / (n_contact * c)
-    return _list_near(grid, loops, delta + margin, margin), Evaluation(delta, inf, True)
+    lists = _list_near(grid, loops, delta + margin, margin)
+    return lists, Evaluation(delta, residual=inf, sets_change=True)
 
 
 def _evaluate(
@@ -255,21 +258,29 @@ def _evaluate(
     """
     delta = previous.delta
     while True:
-        # y2, r2 and changed_r2 are ‖y‖², ‖p − y‖², and ‖p − y‖² of the points whose state would change
+        # r2 and y2 are ‖p − y‖² and ‖y‖². `changed_r2` is ‖p − y‖² of the `n_changed` points whose state would change.
         delta, can_carry, r2, y2, n_changed, changed_r2 = loops.evaluate(lists.near, c, delta)
         is_complete = can_carry and delta <= lists.reach
-        if is_complete or not is_fresh or lists.reach == inf:
+        lists_all_points = lists.reach == inf
+        if is_complete or lists_all_points or not is_fresh:
             break
+        # list more points: the margin grows at least by a factor of 4, so that few new lists are needed
         margin = max(4.0 * lists.margin, delta - lists.reach)
         reach = delta + margin
-        is_finite = can_carry and reach < inf  # reach may be NaN, too
-        lists = _list_near(grid, loops, reach if is_finite else inf, margin)
+        if not (
+            can_carry and reach < inf
+        ):  # the listed points cannot carry the load, or `reach` is NaN
+            reach = inf
+        lists = _list_near(grid, loops, reach, margin)
     if y2 > 0.0:
-        relative = sqrt(r2 / y2)
+        relative_difference = sqrt(r2 / y2)
     else:
-        relative = inf if r2 > 0.0 else 0.0
-    residual = relative * (grid.stiffness / c)  # approximately the residual for the step length c₀
-    needs_change = changed_r2 > _FRACTION * r2 or residual > 0.5 * previous.residual
+        relative_difference = inf if r2 > 0.0 else 0.0
+    residual = relative_difference * (
+        grid.stiffness / c
+    )  # approximately that for the step length c₀
+    is_slow = residual > 0.5 * previous.residual
+    needs_change = changed_r2 > _FRACTION * r2 or is_slow
     return lists, Evaluation(delta, residual, sets_change=n_changed > 0 and needs_change)
 
 

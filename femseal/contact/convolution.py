@@ -139,12 +139,14 @@ class Convolution:
     ) -> None:
         self._threads = threads
         real = np.dtype(dtype)
-        kind = np.result_type(real, np.complex64)
+        complex_type = np.result_type(real, np.complex64)
         axis1 = Axis.of(shape[0], boundary[0])
         axis2 = Axis.of(shape[1], boundary[1])
         is_large = math.prod(shape) >= LARGE
         # a first axis that is not padded as a whole has one transform for its even waves and one for its odd waves
         transforms = 2 if is_large and axis1.is_padded else 1
+
+        # factors of the waves
         if over is None:
             assert symbol is not None
             self._weights = mixing_weights(symbol, axis1.is_mirror, axis2.is_mirror, transforms)
@@ -154,13 +156,15 @@ class Convolution:
                 self._weights = extend_to_all_waves(self._weights, axis1.length)
         else:
             self._weights = over._weights
-        waves_of_row = axis2.length // 2 + 1
-        length = row_length(waves_of_row, kind.itemsize)
-        count = axis1.points if transforms == 2 else axis1.length
-        size = count * length * kind.itemsize
+
+        # memory of the waves (row, wave), of the pressure and of the displacement
+        n_waves = axis2.length // 2 + 1  # waves of a row
+        length = row_length(n_waves, complex_type.itemsize)
+        n_rows = axis1.points if transforms == 2 else axis1.length
+        size = n_rows * length * complex_type.itemsize
         self._memory: Any = fftw().empty_aligned(size, np.uint8) if over is None else over._memory
-        rows_of_waves = self._memory[:size].view(kind).reshape(count, length)
-        waves = rows_of_waves[:, :waves_of_row]
+        rows_of_waves = self._memory[:size].view(complex_type).reshape(n_rows, length)
+        waves = rows_of_waves[:, :n_waves]
         self.pressure: Any = fftw().zeros_aligned(shape, dtype=real)
         if is_large:
             # the displacement uses the memory of the waves
@@ -169,22 +173,24 @@ class Convolution:
             # transforms to other memory are a sixth faster
             self.rows = fftw().empty_aligned((axis1.points, axis2.length), real)
         self.displacement = self.rows[:, : axis2.points]
+
+        # calls of the three stages
         with planner() as planned:
             rows: Rows | ReorderedRows
-            # the columns of large grids are put into order when they are copied
+            # points are reordered along mirror axes; along the first axis of large grids, only when columns are copied
             is_mirror = axis2.is_mirror or (axis1.is_mirror and not is_large)
             if is_mirror or axis2.is_padded:
                 order1 = np.arange(axis1.points) if is_large else axis1.order
                 rows = ReorderedRows(self, waves, axis2, order1, is_mirror, is_large)
             else:
                 rows = Rows(self, waves, axis2)
-            first, last = rows.calls(planned)
+            transform_rows, transform_rows_back = rows.calls(planned)
+            if n_rows > axis1.points:  # the waves of the padding rows are 0
+                transform_rows.append([partial(waves[axis1.points :].fill, 0)])
             columns: StridedColumns | CopiedColumns
             kind_of_columns = CopiedColumns if is_large else StridedColumns
             columns = kind_of_columns(waves, axis1, axis2, self._weights, transforms)
-            if count > axis1.points:
-                first.append([partial(waves[axis1.points :].fill, 0)])
-            self._stages = [first, columns.calls(planned, threads), last]
+            self._stages = [transform_rows, columns.calls(planned, threads), transform_rows_back]
         # all calls for a single thread: on small grids the time between calls matters
         self._calls = [call for stage in self._stages for part in stage for call in part]
 
@@ -211,7 +217,8 @@ class Rows:
 
     def calls(self, planned: Planned) -> tuple[list[list[Call]], list[list[Call]]]:
         """Return the calls of the transforms and those of the inverse transforms, in lists for parts of the rows."""
-        forward_parts, backward_parts = [], []
+        forward_parts = []
+        backward_parts = []
         n1 = len(self.target)
         rows_of_part = max(ROW_POINTS / self.length, n1 / ROW_PARTS)
         for first, end in parts(n1, rows_of_part):
@@ -249,9 +256,11 @@ class ReorderedRows(Rows):
         is_large: bool,
     ) -> None:
         super().__init__(product, waves, axis2)
-        if is_mirror and not is_large:  # rows of large grids are put into order in their own memory
+        # On small grids, the reordered rows have memory of their own. On large grids only the points of each row are
+        # reordered, which is possible within the memory of the row.
+        if is_mirror and not is_large:
             self.target = fftw().empty_aligned(self.target.shape, self.target.dtype)
-        self.points = self.target
+        self.points = self.target  # the points are copied there before the transform
         self.pressure = product.pressure
         self.displacement = product.displacement if is_mirror else None
         self.orders = order1, axis2.order
@@ -272,7 +281,7 @@ class StridedColumns:
 
     waves : array (>= n1, waves), transforms of the rows.
     weights : see `mixing_weights`.
-    transforms : number of transforms along the first axis, 1 or 2.
+    transforms : number of transforms along the first axis: 1, or 2 for the waves with even and those with odd numbers.
     """
 
     #: Number of blocks that have to fit in the cache together.
@@ -286,9 +295,10 @@ class StridedColumns:
         self.transforms = transforms
         self.length = axis1.length // transforms
         lengths = self.length, axis2.length
-        # for both axes, the factors e² = exp(iπk/N) of the waves of a mirror axis, see `multiply_mixing`
+        # for both axes, the factors e² = exp(iπk/N) of the waves k of a mirror axis, see `multiply_mixing`
         self.turns = [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in lengths]
-        # the factors exp(−iπk/m) by which points are multiplied to obtain the odd waves; empty with a single transform
+        # the factors exp(−iπj/m) by which the points j are multiplied to obtain the waves with odd numbers, where m is
+        # the length of each of two transforms; empty with a single transform
         twist = np.exp(-1j * np.pi * np.arange(axis1.points) / self.length).astype(waves.dtype)
         self.twist = twist if transforms == 2 else twist[:0]
         self.order = axis1.order
@@ -303,8 +313,8 @@ class StridedColumns:
         n_columns = self.waves.shape[1]
         kind = self.waves.dtype
         column_bytes = self.transforms * self.length * kind.itemsize
-        # A block and its copy fit in the cache. With fewer columns, or with 16 long ones, copying would take three
-        # times as long.
+        # Number of columns of a block, so that the block and its copy fit in the cache. With fewer columns than
+        # `_ALIGNED`, or with 16 long ones, copying would take three times as long.
         width = BLOCK_BYTES // (column_bytes * self.blocks)
         if width >= n_columns:
             width = n_columns
@@ -496,18 +506,26 @@ def mixing_weights(symbol: Array, mirror1: bool, mirror2: bool, transforms: int)
     -------
     array (1 or 4, waves along the second axis, waves along the first axis)
     """
-    halves = [symbol]  # half sums and half differences, doubled in number by each axis
+    # half sums and half differences (wave along the first axis, wave along the second axis); each axis doubles the
+    # number of these arrays
+    halves = [symbol]
     for axis, is_mirror in enumerate((mirror1, mirror2)):
         if is_mirror:
             n = symbol.shape[axis]
             k = np.arange(n // 2 + 1)
-            pairs = [(part.take(k, axis), part.take(-k % n, axis)) for part in halves]
-            halves = [(a + b) / 2 for a, b in pairs] + [(a - b) / 2 for a, b in pairs]
+            at_k = [part.take(k, axis) for part in halves]
+            at_other = [part.take(-k % n, axis) for part in halves]  # at N − k, and at 0 for k = 0
+            half_sums = [(a + b) / 2 for a, b in zip(at_k, at_other, strict=True)]
+            half_differences = [(a - b) / 2 for a, b in zip(at_k, at_other, strict=True)]
+            halves = half_sums + half_differences
         elif mirror1 or mirror2:
             halves += [np.zeros_like(part) for part in halves]
-    # with two transforms, the even waves along the first axis come before the odd ones
-    ordered = [np.concatenate([part[i::transforms] for i in range(transforms)]) for part in halves]
-    return np.array([part.T for part in ordered], order="C")
+    weights = []
+    for part in halves:
+        # with two transforms, the even waves along the first axis come before the odd ones
+        by_transform = [part[first::transforms] for first in range(transforms)]
+        weights.append(np.concatenate(by_transform).T)
+    return np.array(weights, order="C")
 
 
 def extend_to_all_waves(weights: Array, n: int) -> Array:

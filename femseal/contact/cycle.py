@@ -239,9 +239,12 @@ def _solve_programme(
     """
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]
+    # solved steps of the loading by their pressure, without their outputs
     peaks: dict[float | None, _SolvedStep] = {}
-    # outputs of states in which no point has yielded, by their pressure
+    # outputs of states in which no point has yielded, by their pressure; unloading may yield them once more
     elastic_outputs: dict[float, Any] = {}
+
+    # solve the loading
     states: Iterable[_SolvedStep]
     if one_after_another:
         states = _solve_one_after_another(stage, loading, mapper)
@@ -259,13 +262,14 @@ def _solve_programme(
         """Return whether unloading to this step follows the loading curve: no point has yielded at the peak load."""
         return not (one_after_another or peaks[step.unloaded_from].has_yielded)
 
-    # on the loading curve, each pressure is solved only once
+    # choose the unloading steps to solve: a pressure on the loading curve is solved only once
     steps_to_solve: list[LoadStep] = []
     for step in unloading:
         elastic_pressures = [other.pressure for other in steps_to_solve if follows_loading(other)]
         is_known = step.pressure in elastic_outputs or step.pressure in elastic_pressures
         if not (follows_loading(step) and is_known):
             steps_to_solve.append(step)
+    # solve them, and yield the outputs of all unloading steps in their order
     peaks_before = [peaks[step.unloaded_from] for step in steps_to_solve]
     new_states: Iterator[_SolvedStep] = iter(())
     if steps_to_solve:
@@ -329,7 +333,7 @@ def _solve_step(
 
 def _fraction_yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:
     """Compute the fraction of points whose plastic deformation has grown by more than the error of the solution."""
-    # elastic displacement of a single pixel under the largest pressure, which is about pressure / stiffness
+    # `depth` is the elastic displacement of a single pixel under the largest pressure, p/c with c = πE*/(4Δ)
     half_space = contact.half_space
     largest_pressure = float(contact.pressure.max())
     depth = 4 * max(half_space.spacing) * largest_pressure / (np.pi * half_space.pixel_modulus)

@@ -119,11 +119,14 @@ def _project(
     """
     x = p - c * v
     all_points = np.arange(p.size, dtype=np.int32)
-    hardness, slope = problem.hardness, problem.slope
-    delta, _ = find_approach(x, x.size, hardness, slope, c, all_points, c, problem.load, delta)
-    z = x + c * delta
-    excess = np.maximum(z - law.hardness, 0.0)
-    return delta, np.clip(z, 0.0, law.hardness) + law.slope / (law.slope + c) * excess
+    # c is both the step length of the projection and the factor of δ
+    delta, _ = find_approach(
+        x, x.size, problem.hardness, problem.slope, c, all_points, c, problem.load, delta
+    )
+    z = x + c * delta  # trial pressure
+    above_hardness = np.maximum(z - law.hardness, 0.0)
+    t = law.slope / (law.slope + c)
+    return delta, np.clip(z, 0.0, law.hardness) + t * above_hardness
 
 
 def _gradient_step(
@@ -175,6 +178,7 @@ def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _La
     d[free] = _within_bounds(p[free] + step, low, high, float(p[free].sum())) - p[free]
     if _move(grid, p, v, d, delta, law) > 0:
         return products + 1
+    # fraction of the step at which each point meets one of its bounds
     with np.errstate(divide="ignore", invalid="ignore"):
         to_bound = np.where(step > 0, (high - p[free]) / step, (low - p[free]) / step)
     to_bound[step == 0] = np.inf
@@ -182,7 +186,9 @@ def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _La
     fraction = min(1.0, float(to_bound[nearest]))
     p[free] = np.clip(p[free] + fraction * step, low, high)
     v += fraction * response
-    if fraction == to_bound[nearest]:  # without a rounding error
+    if (
+        fraction == to_bound[nearest]
+    ):  # the nearest point is set to its bound exactly, without a rounding error
         p[free[nearest]] = high[nearest] if step[nearest] > 0 else low[nearest]
     return products + 1
 

@@ -229,12 +229,15 @@ def bickley_1(x: Array) -> Array:
     out = np.zeros_like(x, dtype=float)
     is_significant = x < _LARGEST_ARGUMENT
     xs = x[is_significant]
-    h = 1 / 6  # the error is exp(−π²/h), which is below rounding
-    θ_end = float(np.arccosh(max(1.0, 40.0 / max(float(xs.min(initial=40.0)), 1e-16))))
+    h = 1 / 6  # interval of θ; the error of the rule is exp(−π²/h), which is below rounding
+    # the integrand is negligible from x cosh θ = 40 on
+    smallest_x = max(float(xs.min(initial=40.0)), 1e-16)
+    θ_end = float(np.arccosh(max(1.0, 40.0 / smallest_x)))
     total = np.zeros_like(xs)
     for m in range(int(θ_end / h) + 2):
-        c = np.cosh(m * h)
-        total += (0.5 if m == 0 else 1.0) * np.exp(-xs * c) / c
+        weight = 0.5 if m == 0 else 1.0
+        cosh_θ = np.cosh(m * h)
+        total += weight * np.exp(-xs * cosh_θ) / cosh_θ
     out[is_significant] = h * total
     return out
 
@@ -298,17 +301,21 @@ def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> A
     kernel = np.zeros((q.size, length // 2 + 1))  # (wave, offset)
     is_wave = q > 0
     positive_q = q[is_wave]
-    period = 2 * np.pi / d_other  # distance between aliases
-    a = positive_q / period
+    alias_distance = 2 * np.pi / d_other  # between the wave numbers of aliases
+    a = positive_q / alias_distance
+    # Kernels of the waves q > 0, (wave, offset). The alias q_m = q + 2πm/Δ adds sinc(π(a + m)) ∫ K₀(|q_m t|) dt.
     waves = np.zeros((positive_q.size, kernel.shape[1]))
-    for m in range(int(_LARGEST_ARGUMENT * d_other / (np.pi * d)) + 2):
+    n_aliases = int(_LARGEST_ARGUMENT * d_other / (np.pi * d)) + 2
+    for m in range(n_aliases):
         for sign in (1, -1) if m else (1,):
-            alias = np.abs(positive_q + sign * m * period)
+            alias = np.abs(positive_q + sign * m * alias_distance)
             _add_wave(waves, d, alias, np.sinc(a + sign * m))
-    # Σ_m sinc(π(a + m)) π/|q_m|: the integral of every alias over the whole line
-    waves[:, 0] += np.sin(np.pi * a) / period * (_alternating_sum(a) + _alternating_sum(1 - a))
+    # The integral of K₀(|q_m t|) over the whole line is π/|q_m|. The sum Σ_m sinc(π(a + m)) π/|q_m| over all integers m
+    # consists of an alternating series for m >= 0 and of one for m < 0.
+    alternating = _alternating_sum(a) + _alternating_sum(1 - a)
+    waves[:, 0] += np.sin(np.pi * a) / alias_distance * alternating
     kernel[is_wave] = waves
-    # the wave with q = 0: integral of the logarithm between the edges of each pixel
+    # For q = 0, −ln|t| is integrated between the edges t1 and t2 of each pixel; lengths are divided by n d.
     t1 = (np.arange(kernel.shape[1]) - 0.5) / n
     t2 = (np.arange(kernel.shape[1]) + 0.5) / n
     kernel[~is_wave] = -n * d * (t2 * np.log(t2) - t1 * np.log(np.abs(t1)) - (t2 - t1))
@@ -342,6 +349,7 @@ def stiffness_stencil(half_space: HalfSpace) -> Array:
 
     If these weights are not positive definite, which happens for very long pixels, only the middle one is kept.
     """
+    # symbol of the inverse of K on a periodic grid of 64² pixels
     q1, q2 = (2 * np.pi * np.abs(np.fft.fftfreq(64, d)) for d in half_space.spacing)
     q = np.hypot(q1[:, None], q2[None, :])
     inverse = np.zeros(q.shape)
@@ -353,7 +361,10 @@ def stiffness_stencil(half_space: HalfSpace) -> Array:
     # therefore occur where the cosines are 1 or −1.
     at_cosines = np.array([[1, 2], [1, -2]])
     symbol = at_cosines @ quarter @ at_cosines.T
-    if symbol.min() <= 1e-3 * symbol.max():
+    is_positive_definite = (
+        symbol.min() > 1e-3 * symbol.max()
+    )  # with some distance from singular stencils
+    if not is_positive_definite:
         quarter = np.diag([quarter[0, 0], 0.0])
-    mirrored = [1, 0, 1]
-    return quarter[mirrored][:, mirrored]
+    offsets = [1, 0, 1]  # distances of the rows and columns of the stencil from its middle
+    return quarter[offsets][:, offsets]

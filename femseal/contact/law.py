@@ -133,15 +133,16 @@ class ContactLaw:
             Plastic deformation u [m].
         """
         trial = pressure - stiffness * gap
-        first = self.yield_pressure()
+        first_hardness = self.yield_pressure()
         depth = self.constant_depth
-        is_curved = (trial > first + stiffness * depth) | (gap < -depth)
+        # whether a point may be deformed beyond the part of the curve with constant hardness
+        is_curved = (trial > first_hardness + stiffness * depth) | (gap < -depth)
         law = self.at(is_curved)
         if law is None:
             return self._project_on_curve(pressure, gap, stiffness)
-        # most points are elastic or have not passed the constant part of the law, and are projected on the constant
-        y = np.clip(trial, 0.0, first)
-        u = np.maximum(trial - first, 0.0) / stiffness
+        # most points are elastic or within the constant part of the curve, and are projected on the constant
+        y = np.clip(trial, 0.0, first_hardness)
+        u = np.maximum(trial - first_hardness, 0.0) / stiffness
         if np.any(is_curved):
             y[is_curved], u[is_curved] = law._project_on_curve(
                 pressure[is_curved], gap[is_curved], stiffness
@@ -163,13 +164,17 @@ class ContactLaw:
         slope = self.hardening_modulus(overlap)
         if not np.any(slope < 0):
             return y, u
-        yield_pressure = self.yield_pressure(overlap)
-        is_nearer = np.abs(pressure - yield_pressure) < np.abs(pressure - y)
-        has_passed = (slope < 0) & (overlap > 0) & ((overlap > u) | is_nearer)
-        # the sum of both slopes must not be close to 0, because Newton's method divides by it
+        # Where the law softens, there may be another solution near the overlap. It is taken if the overlap exceeds the
+        # deformation u, or if the present pressure is nearer to the curve at the overlap.
+        pressure_at_overlap = self.yield_pressure(overlap)
+        is_nearer = np.abs(pressure - pressure_at_overlap) < np.abs(pressure - y)
+        is_softened = (slope < 0) & (overlap > 0) & ((overlap > u) | is_nearer)
+        # One step of Newton's method, from the overlap, for H(u) + c u = z. The sum of both slopes must not be close to
+        # 0, because the step divides by it.
         total_slope = np.maximum(slope, -_STEEPEST * stiffness) + stiffness
-        u_at_overlap = np.maximum(overlap + (pressure - yield_pressure) / total_slope, 0.0)
-        return np.where(has_passed, yield_pressure, y), np.where(has_passed, u_at_overlap, u)
+        u_at_overlap = np.maximum(overlap + (pressure - pressure_at_overlap) / total_slope, 0.0)
+        projected = np.where(is_softened, pressure_at_overlap, y)
+        return projected, np.where(is_softened, u_at_overlap, u)
 
     def _deformation(self, trial: Array, stiffness: float) -> Array:
         """Solve H(u) + c u = z for u >= 0 by Newton's method within a bracket, with bisection; u = 0 where z < H(0).
@@ -178,11 +183,13 @@ class ContactLaw:
         stiffness : stiffness c [Pa/m].
         """
         u = np.zeros(np.shape(trial))
+        # For a straight line, the first step of Newton's method gives the solution, and no bracket is necessary.
+        steps = 1 if self.linear else _NEWTON_STEPS
         # bracket of the solution, and the last change of u
         low = u
         high = np.full(u.shape, inf) if self.linear else np.maximum(trial, 0.0) / stiffness
         change = high
-        for _ in range(1 if self.linear else _NEWTON_STEPS):
+        for _ in range(steps):
             excess = self.yield_pressure(u) + stiffness * u - trial
             low = np.where(excess < 0, u, low)
             high = np.where(excess < 0, high, u)
@@ -190,7 +197,8 @@ class ContactLaw:
                 step = -excess / (self.hardening_modulus(u) + stiffness)
             is_slow = (np.abs(step) > 0.5 * np.abs(change)) & (np.abs(step) > 1e-12 * high)
             is_inside = (u + step >= low) & (u + step <= high)
-            change = np.where(is_inside & ~is_slow, step, 0.5 * (low + high) - u)
+            to_middle = 0.5 * (low + high) - u  # step of the bisection
+            change = np.where(is_inside & ~is_slow, step, to_middle)
             previous_u = u
             u = u + change
             # at the solution, rounding may move u back and forth by a few of its last digits

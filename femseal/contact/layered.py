@@ -38,9 +38,9 @@ _TERMS, _LEAST_EXPONENT, _LARGEST_EXPONENT = 40, 0.3, 100.0
 _LARGEST_ERROR = 2e-5
 #: Argument qd from which on S − 1 is below 1e-8.
 _DECAYED = 12.0
-#: Most zones of shorter waves on either side. Only a coating thinner than a quarter of a pixel needs more; the error is
-#: then below 1e-4 of the displacement of a pixel under its own pressure.
-_MOST_ZONES = 8
+#: Largest number of aliases on either side of a wave. Only a coating thinner than a quarter of a pixel needs more; the
+#: error is then below 1e-4 of the displacement of a pixel under its own pressure.
+_MOST_ALIASES = 8
 #: Decay exp(−16) of a wave over the distance to its periodic images.
 _IMAGE_DECAY = 16.0
 
@@ -275,12 +275,14 @@ def _exponentials(body: Coated) -> tuple[Array, Array]:
     InputError
         The error is too large, because the layer is far stiffer than the substrate.
     """
-    stiff = 1.0
+    # a stiff layer bends over a length that is longer than its thickness by the cube root of the ratio of the moduli
+    bending_length = 1.0
     if body.substrate is not None:
         ratio = body.layer.shear_modulus / body.substrate.shear_modulus
-        stiff = max(1.0, float(np.cbrt(ratio)))  # a stiff layer bends over a longer length
-    exponents = np.geomspace(_LEAST_EXPONENT, _LARGEST_EXPONENT * stiff, _TERMS)
-    t = np.r_[0.0, np.geomspace(1e-4 / stiff, 25, 600)]
+        bending_length = max(1.0, float(np.cbrt(ratio)))
+    exponents = np.geomspace(_LEAST_EXPONENT, _LARGEST_EXPONENT * bending_length, _TERMS)
+    # t = qd at which S − 1 is fitted, from long waves, which bend the layer, to waves that do not reach the substrate
+    t = np.r_[0.0, np.geomspace(1e-4 / bending_length, 25, 600)]
     excess = np.empty(t.size)
     excess[1:] = layer_factor(body, t[1:]) - 1
     excess[0] = _long_wave_factor(body) - 1
@@ -311,10 +313,10 @@ def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
     logarithm is arbitrary, so that x and z may be divided by the length of the strip.
     """
     amplitudes, exponents = _exponentials(_without_length(body))
-    length = n * d
-    x = (np.arange(n + 1) - 0.5) / n
-    z = exponents[:, None] * (body.thickness / length)
-    integral = 0.5 * x * np.log(x**2 + z**2) - x + z * np.arctan(x / z)
+    length = n * d  # of the strip
+    x = (np.arange(n + 1) - 0.5) / n  # edges of the pixels over this length
+    z = exponents[:, None] * (body.thickness / length)  # (exponential, 1)
+    integral = 0.5 * x * np.log(x**2 + z**2) - x + z * np.arctan(x / z)  # (exponential, edge)
     per_pixel = amplitudes @ np.diff(integral, axis=1)
     return -2 / (np.pi * body.layer.plane_modulus) * length * per_pixel
 
@@ -331,23 +333,30 @@ def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -
     # a case that is only checked does not load the transforms
     from scipy.fft import irfft, next_fast_len
 
-    shortest = _DECAYED / body.thickness
-    period = next_fast_len(n + int(np.ceil(_IMAGE_DECAY / (q.min() * d))), real=True)
-    zones = [_zones(shortest, spacing) for spacing in (d, d_other)]
-    j = np.arange(period // 2 + 1) / period
-    total = np.zeros((q.size, j.size))
-    for zone1 in range(-zones[0], zones[0] + 1):
-        along = 2 * np.pi / d * (j + zone1)
-        for zone2 in range(-zones[1], zones[1] + 1):
-            across = q + 2 * np.pi / d_other * zone2
-            wave = np.hypot(across[:, None], along)
-            excess = layer_factor(body, wave * body.thickness) - 1
-            weight = np.sinc(j + zone1) * np.sinc(across * d_other / (2 * np.pi))[:, None]
+    shortest = _DECAYED / body.thickness  # wave number from which on S − 1 is negligible
+    # number of points of the transform, with which the wave decays before its next periodic image
+    decay_length = int(np.ceil(_IMAGE_DECAY / (q.min() * d)))
+    period = next_fast_len(n + decay_length, real=True)
+    aliases_free = _n_aliases(shortest, d)
+    aliases_other = _n_aliases(shortest, d_other)
+    frequency = (
+        np.arange(period // 2 + 1) / period
+    )  # wave number along the free axis, divided by 2π/d
+    total = np.zeros((q.size, frequency.size))  # (wave, frequency)
+    for m_free in range(-aliases_free, aliases_free + 1):
+        q_free = 2 * np.pi / d * (frequency + m_free)
+        for m_other in range(-aliases_other, aliases_other + 1):
+            q_other = q + 2 * np.pi / d_other * m_other
+            wave = np.hypot(q_other[:, None], q_free)
+            excess = layer_factor(body, wave * body.thickness) - 1  # S − 1
+            # transform of the uniform pressure on a pixel; numpy defines sinc(x) as sin(πx)/(πx)
+            weight = np.sinc(frequency + m_free) * np.sinc(q_other * d_other / (2 * np.pi))[:, None]
             total += excess / wave * weight
     total *= 2 / body.layer.plane_modulus
     return irfft(total, period, axis=1)[:, :n]
 
 
-def _zones(shortest: float, spacing: float) -> int:
+def _n_aliases(shortest: float, spacing: float) -> int:
     """Count the aliases on either side (±1 to ±m) that are needed to include all waves up to `shortest` [rad/m]."""
-    return min(_MOST_ZONES, max(0, int(np.ceil(0.5 * (shortest * spacing / np.pi - 1)))))
+    # the aliases up to ±m include all waves up to (2m + 1) π/spacing
+    return min(_MOST_ALIASES, max(0, int(np.ceil(0.5 * (shortest * spacing / np.pi - 1)))))

@@ -52,6 +52,9 @@ def list_near(
 
     A point is near contact if it is in contact or if v is below the threshold `reach`.
 
+    v : on entry, the displacement of a half-space of unit modulus, which is multiplied by the compliance `factor`; the
+        heights are added with `weight` = 1. To list the points again for the same v, use `factor` = 1 and `weight` = 0.
+
     Returns
     -------
     n_near : number of points near contact.
@@ -77,7 +80,7 @@ def list_near(
             vj = factor * row_v[j] + weight * h
             row_v[j] = vj
             if states[j] != 0 or vj < reach:
-                energy += 0.5 * row_p[j] * (vj + h)
+                energy += 0.5 * row_p[j] * (vj + h)  # ½⟨p, Kp⟩ + ⟨p, h₁⟩ = ½⟨p, v + h₁⟩
                 load += row_p[j]
                 total += vj
                 i = start + j
@@ -118,28 +121,30 @@ def list_near_in_parts(
 ):  # fmt: skip
     """Make the lists of `list_near` on several threads, each of which lists the points of some parts of the grid.
 
-    Only a few parts are processed at a time, so that their lists need little memory.
+    Only a few parts are processed at a time, so that their lists need little memory. All rows are listed: the argument
+    `_first` is only there because the arguments are those of `list_near`.
     """
     columns = gap0.size // n_rows
-    row_ranges = parts(n_rows, PART / columns)
+    row_ranges = parts(n_rows, PART / columns)  # (first row, end) of each part
     n_at_a_time = 2 * thread_count()
-    largest_part = columns * max(end - first for first, end in row_ranges)
-    part_lists = [_PartLists.empty(largest_part) for _ in row_ranges[:n_at_a_time]]
+    most_points = columns * max(end - first for first, end in row_ranges)
+    part_lists = [_PartLists.empty(most_points) for _ in row_ranges[:n_at_a_time]]
 
     def list_part(row_range, lists):
         return list_near(
             gap0, offset, hardness, slope, p, v, state, *lists, factor, weight, reach, *row_range
         )
 
-    sums = []
+    sums = []  # energy, load and total of each part
     n_near = 0
     n_free = 0
     for start in range(0, len(row_ranges), n_at_a_time):
+        # the last round may have fewer parts than lists
         tasks = list(zip(row_ranges[start : start + n_at_a_time], part_lists, strict=False))
         results = over(tasks, list_part)
         # append the lists of each part to the lists of the grid, in the order of the rows
         for result, (_, lists) in zip(results, tasks, strict=True):
-            part_near, part_free, *part_sums = result
+            part_near, part_free, energy, load, total = result
             in_near = slice(n_near, n_near + part_near)
             in_free = slice(n_free, n_free + part_free)
             near[in_near] = lists.near[:part_near]
@@ -149,7 +154,7 @@ def list_near_in_parts(
             place[in_free] = lists.place[:part_free] + n_near
             n_near += part_near
             n_free += part_free
-            sums.append(tuple(part_sums))
+            sums.append((energy, load, total))
     return n_near, n_free, *summed(sums)
 
 
@@ -182,25 +187,25 @@ def compare(first, end, c, delta, hardness, slope, state, near, near_p, trial):
     listed = near[first:end]
     x = trial[first:end]
     p = near_p[first:end]
-    r2 = 0.0
-    y2 = 0.0
-    changed = 0
-    changed2 = 0.0
+    squared_difference = 0.0
+    squared_projection = 0.0
+    n_changed = 0
+    squared_change = 0.0
     shift = c * delta
-    is_uniform = hardness.size + slope.size == 2
-    h, t = law_at(0, hardness, slope, c)
+    is_uniform = hardness.size == 1 and slope.size == 1  # the law is the same at all points
+    H, t = law_at(0, hardness, slope, c)
     for j in range(end - first):
         i = listed[j]
         if not is_uniform:
-            h, t = law_at(i, hardness, slope, c)
-        y, s = projected(x[j] + shift, h, t)
-        e = y - p[j]
-        r2 += e * e
-        y2 += y * y
-        if s != state[i]:
-            changed += 1
-            changed2 += e * e
-    return r2, y2, changed, changed2
+            H, t = law_at(i, hardness, slope, c)
+        y, new_state = projected(x[j] + shift, H, t)
+        difference = y - p[j]
+        squared_difference += difference * difference
+        squared_projection += y * y
+        if new_state != state[i]:
+            n_changed += 1
+            squared_change += difference * difference
+    return squared_difference, squared_projection, n_changed, squared_change
 
 
 @exact
@@ -228,18 +233,21 @@ def projected(z, h, t):
     The projection is 0 for z < 0, z for z between 0 and H, and H + t (z − H) above.
     """
     y = min(max(z, 0.0), h)
-    s = (y > 0.0) + (y >= h)  # state without hardening: 0, 1 or 2
-    if t > 0.0 and s == 2:
+    state = (y > 0.0) + (y >= h)  # without hardening: 0 out of contact, 1 elastic, 2 plastic
+    if t > 0.0 and state == 2:
         return h + t * (z - h), 3
-    return y, s
+    return y, state
 
 
 @exact_leader
 def find_approach(x, n, hardness, slope, c_law, listed, c, load, start):
     """Solve Σ y(x + cδ) = load for δ on a list of n points.
 
-    y is the projection on the law with t = h/(h + c_law). The sum is a monotone and piecewise linear function of δ. The
-    equation is solved by Newton's method within a bracket, beginning with `start`.
+    y(z) is the projection of z on the law, see `projected`, with t = h/(h + c_law). The sum is a monotone and piecewise
+    linear function of δ. The equation is solved by Newton's method within a bracket, beginning with `start`.
+
+    c, c_law : both are the length of the projection step, except where `project` adds a uniform pressure δ to the free
+        points: with c = 1 and c_law = 0, t is 1, and points that harden take up the whole increase.
 
     Returns δ, and whether the points can carry the load.
     """
@@ -275,14 +283,14 @@ def capacity(first, end, x, hardness, slope, c_law, listed, load):
     full = -np.inf
     total = 0.0
     rise = 0.0
-    is_uniform = hardness.size + slope.size == 2
-    h, t = law_at(0, hardness, slope, c_law)
+    is_uniform = hardness.size == 1 and slope.size == 1  # the law is the same at all points
+    H, t = law_at(0, hardness, slope, c_law)
     for j in range(end - first):
         if not is_uniform:
-            h, t = law_at(listed[j], hardness, slope, c_law)
+            H, t = law_at(listed[j], hardness, slope, c_law)
         highest = max(highest, x[j])
-        full = max(full, min(h, load) - x[j])
-        total += h
+        full = max(full, min(H, load) - x[j])
+        total += H
         rise += t
     return highest, full, total, rise
 
@@ -295,11 +303,13 @@ def bracket_approach(highest, full, capacity, rise, c, load, start):
     """
     if capacity <= load:
         if rise == 0.0:  # without hardening, all points are at their hardness
-            return full / c, full / c, full / c, capacity >= load
+            delta = full / c
+            return delta, delta, delta, capacity >= load
+        # all points at their hardness do not carry the load; beyond that, the load grows by `rise` per increase of cδ
         full += (load - capacity) / rise
-    low = -highest / c
-    top = full / c
-    top += 1e-12 * abs(top)
+    low = -highest / c  # there, all pressures are 0
+    top = full / c  # there, the points carry at least the load
+    top += 1e-12 * abs(top)  # allows for rounding errors
     return min(max(start, low), top), low, top, True
 
 
@@ -333,24 +343,24 @@ def total_pressure(first, end, x, shift, hardness, slope, c_law, listed):
     x, listed = x[first:end], listed[first:end]
     total = 0.0
     slopes = 0.0
-    h, t = law_at(0, hardness, slope, c_law)
-    # for a uniform law without hardening
-    if hardness.size + slope.size == 2 and t == 0.0:  # this loop compiles to vector instructions
+    H, t = law_at(0, hardness, slope, c_law)
+    is_uniform = hardness.size == 1 and slope.size == 1  # the law is the same at all points
+    if is_uniform and t == 0.0:  # without hardening, this loop compiles to vector instructions
         for j in range(end - first):
-            y = x[j] + shift
-            inside = 1.0 if (y > 0.0) & (y < h) else 0.0
-            y = y if y > 0.0 else 0.0
-            total += y if y < h else h
-            slopes += inside
+            z = x[j] + shift
+            derivative = 1.0 if (z > 0.0) & (z < H) else 0.0
+            z = z if z > 0.0 else 0.0
+            total += z if z < H else H
+            slopes += derivative
         return total, slopes
     for j in range(end - first):
-        h, t = law_at(listed[j], hardness, slope, c_law)
-        y = x[j] + shift
-        above = 0.0 if y < h else t
-        inside = 1.0 if (y > 0.0) & (y < h) else above
-        y = y if y > 0.0 else 0.0
-        total += y if y < h else h + above * (y - h)
-        slopes += inside
+        H, t = law_at(listed[j], hardness, slope, c_law)
+        z = x[j] + shift
+        above = 0.0 if z < H else t  # derivative of the projection above the hardness
+        derivative = 1.0 if (z > 0.0) & (z < H) else above
+        z = z if z > 0.0 else 0.0
+        total += z if z < H else H + above * (z - H)
+        slopes += derivative
     return total, slopes
 
 
@@ -374,8 +384,18 @@ def project(
     list_free(n_near, state, near, trial, free, response)
     left = load - carried  # the load of the free points
     if n_free > 0 and left > 0.0:
-        # with c = 1 and the step 0 of the law, the solution δ is the uniform pressure
-        uniform = find_approach(response, n_free, hardness, slope, 0.0, free, 1.0, left, 0.0)[0]
+        # find the uniform pressure with which the free points carry the rest of the load, see `find_approach`
+        uniform, _ = find_approach(
+            response,
+            n_free,
+            hardness,
+            slope,
+            0.0,  # c_law
+            free,
+            1.0,  # c
+            left,
+            0.0,  # start
+        )
         shift(n_free, c, uniform, hardness, slope, p, free, response)
     return n_free
 
@@ -400,17 +420,21 @@ def set_pressures(first, end, c, delta, keep, hardness, slope, p, state, near, n
     n_free = 0
     for j in range(end - first):
         i = listed[j]
-        h, t = law_at(i, hardness, slope, c)
-        y, s = projected(x[j] + c * delta, h, t)
-        if s & 1:
-            if keep and state[i] == s:  # within the bounds of an elastic or a hardening point
-                y = min(max(previous_p[j], 0.0), h) if s == 1 else max(previous_p[j], h)
+        H, t = law_at(i, hardness, slope, c)
+        y, new_state = projected(x[j] + c * delta, H, t)
+        if new_state & 1:  # odd states are free: 1 is elastic, 3 hardens
+            if keep and state[i] == new_state:
+                # the previous pressure, within the bounds of the state: 0 to H if it is elastic, at least H otherwise
+                if new_state == 1:
+                    y = min(max(previous_p[j], 0.0), H)
+                else:
+                    y = max(previous_p[j], H)
             n_free += 1
         else:
             carried += y
         x[j] = y
         p[i] = y
-        state[i] = s
+        state[i] = new_state
     return n_free, carried
 
 

@@ -461,7 +461,7 @@ def _solve_curved_law(law: ContactLaw, level: _Level, rtol: float) -> Contact:
         line, depth = _tangent_from_depth(law, level.line, u)
         if level.load >= line.capacity * (1 - 1e-9):
             # the curve can carry the load at a larger deformation, of all points together or on a tangent that rises
-            u = u + _carrying_deformation(law, u, level.load)
+            u = u + _increase_to_carry(law, u, level.load)
             line, depth = _tangent_from_depth(law, level.line, u)
         if level.load >= line.capacity * (1 - 1e-9):
             slope = np.maximum(line.slope, _SMALL_STIFFNESS * stiffness)
@@ -518,22 +518,25 @@ def _tangent_from_depth(
     is_curved = u > law.constant_depth
     if not is_curved.any():
         return first, 0.0
+    # tangents of the points whose deformation is beyond the constant part of the law
     part, chosen = _law_at(law, is_curved)
     deformation = u[chosen]
     slope = np.maximum(part.hardening_modulus(deformation), 0.0)
     yield_pressure = part.yield_pressure(deformation)
-    steepest = _FROM_DEPTH * yield_pressure / np.maximum(slope, 1.0)
-    begins = np.maximum(deformation - steepest, 0.0)
+    # the tangent begins where its pressure has fallen by the fraction `_FROM_DEPTH` of the yield pressure
+    largest_distance = _FROM_DEPTH * yield_pressure / np.maximum(slope, 1.0)
+    beginning = np.maximum(deformation - largest_distance, 0.0)
+    # all points (n1, n2): the other ones keep their tangent at u = 0
     slopes = np.full(u.shape, first.slope)
     hardness = np.full(u.shape, first.hardness)
     depth = np.zeros(u.shape)
     slopes[chosen] = slope
-    hardness[chosen] = yield_pressure - slope * (deformation - begins)
-    depth[chosen] = begins
+    hardness[chosen] = yield_pressure - slope * (deformation - beginning)
+    depth[chosen] = beginning
     return YieldLine(hardness, slopes), depth
 
 
-def _carrying_deformation(law: ContactLaw, u: Array, load: float) -> float:
+def _increase_to_carry(law: ContactLaw, u: Array, load: float) -> float:
     """Find by how much the deformation of all points has to increase for their hardness to carry the load.
 
     Returns 0 if their hardness cannot carry the load at any deformation that is tried. A uniform increase of the
@@ -544,9 +547,10 @@ def _carrying_deformation(law: ContactLaw, u: Array, load: float) -> float:
     load : nominal pressure [Pa].
     """
 
-    def carries(added: float) -> bool:
-        return float(np.mean(law.yield_pressure(u + added))) > load * (1 + 1e-6)
+    def carries(increase: float) -> bool:
+        return float(np.mean(law.yield_pressure(u + increase))) > load * (1 + 1e-6)
 
+    # double the increase until the load is carried, then find the smallest such increase by bisection
     low = 0.0
     high = max(float(u.max()), law.constant_depth, _LEAST_DEFORMATION)
     for _ in range(_DOUBLINGS):

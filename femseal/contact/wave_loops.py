@@ -135,18 +135,18 @@ def copy_columns(columns, block, twist, order):
     order : array (n1,), order of the points in the transform.
     """
     n1, count = columns.shape
-    width = block.shape[0] // 2
+    second_half = block.shape[0] // 2  # first row of the second half of the block
     for i in range(n1):
         row = columns[order[i]]
         for j in range(count):
             block[j, i] = row[j]
         if twist.size:
             for j in range(count):
-                block[width + j, i] = row[j] * twist[i]
-    if twist.size:
+                block[second_half + j, i] = row[j] * twist[i]
+    if twist.size:  # only such axes are padded
         for j in range(count):
             block[j, n1:] = 0
-            block[width + j, n1:] = 0
+            block[second_half + j, n1:] = 0
 
 
 @contracted
@@ -157,12 +157,12 @@ def copy_columns_back(columns, block, twist, order):
     times the complex conjugate of the twist.
     """
     n1, count = columns.shape
-    width = block.shape[0] // 2
+    second_half = block.shape[0] // 2  # first row of the second half of the block
     for i in range(n1):
         row = columns[order[i]]
         if twist.size:
             for j in range(count):
-                row[j] = block[j, i] + block[width + j, i] * np.conj(twist[i])
+                row[j] = block[j, i] + block[second_half + j, i] * np.conj(twist[i])
         else:
             for j in range(count):
                 row[j] = block[j, i]

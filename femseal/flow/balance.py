@@ -53,7 +53,7 @@ def balance(tail, head, width, flux, nodes):
     for node in range(1, nodes):
         if excess[node] != 0.0:
             k = link[node]
-            is_outward = tail[k] == node  # the link begins at this node
+            is_outward = tail[k] == node  # the link begins at this node and ends at its parent
             flux[k] += excess[node] if is_outward else -excess[node]
 
 
@@ -65,19 +65,20 @@ def _send(tail, head, exponent, excess):
     no other path. On return, `excess` contains the flux from each node to its parent in the tree.
     """
     nodes = excess.size
-    degree, link = spanning_tree(tail, head, exponent, nodes)
-    # remove the leaves of the tree one after another; a leaf has one remaining link, which is then link[node]
+    degree, links_xor = spanning_tree(tail, head, exponent, nodes)
+    # Remove the leaves of the tree one after another. A leaf has a single remaining link, whose number is the exclusive
+    # or of the numbers of its remaining links. After its removal, this number remains in `links_xor`.
     for leaf in range(1, nodes):
         node = np.int64(leaf)
         while node != 0 and degree[node] == 1:
-            k = link[node]
+            k = links_xor[node]
             parent = np.int64(tail[k]) + head[k] - node  # the other node of the link
             excess[parent] += excess[node]
             degree[node] = 0
             degree[parent] -= 1
-            link[parent] ^= k  # removes link k from the exclusive or of the remaining links
-            node = parent
-    return link
+            links_xor[parent] ^= k  # removes link k from the links of the parent
+            node = parent  # the parent may have become a leaf
+    return links_xor
 
 
 @inner()
@@ -93,19 +94,19 @@ def spanning_tree(tail, head, exponent, nodes):
     Returns
     -------
     degree : array (nodes,), number of tree links at each node.
-    link : array (nodes,), exclusive or (XOR) of the numbers of all tree links at each node. When a link is removed from
-        the tree, the exclusive or with its number removes this number from the value of both its nodes. A node with one
-        remaining link (a leaf) therefore has the number of this link as its value.
+    links_xor : array (nodes,), exclusive or (XOR) of the numbers of all tree links at each node. When a link is removed
+        from the tree, the exclusive or with its number removes this number from the value of both its nodes. A node
+        with one remaining link (a leaf) therefore has the number of this link as its value.
     """
     degree = np.zeros(nodes, np.int32)
-    link = np.zeros(nodes, np.int32)
+    links_xor = np.zeros(nodes, np.int32)
     parent = np.arange(nodes).astype(np.int32)
     for k in _widest_first(exponent):
         if union(parent, tail[k], head[k]):
             for node in (tail[k], head[k]):
                 degree[node] += 1
-                link[node] ^= k
-    return degree, link
+                links_xor[node] ^= k
+    return degree, links_xor
 
 
 @inner()

@@ -50,6 +50,7 @@ def _conductances(first, end, gap, is_ring, weights, along, across):
     Row i of `along` has the links from the pixels of row i − 1, or from the inlet, to the pixels of row i. The links
     from the last row of pixels to the outlet are computed together with this row.
     """
+    # `along` and `across` first contain the gaps on the links, which are then replaced by the conductances
     gap_on_rows(first, end, gap, False, is_ring, along, across)
     outlet = len(gap)  # row of the links to the outlet
     for i in range(first, end + 1 if end == outlet else end):

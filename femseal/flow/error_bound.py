@@ -115,8 +115,8 @@ def _runs(along, across):
     first = np.empty(n1 * n2 + 2, np.int32)
     count = 0
     for i in range(n1):
-        widest = 0.0
-        is_inside = False
+        widest = 0.0  # width of the widest link of the present run
+        is_inside = False  # whether the node on the left is open
         for j in range(n2):
             left = across[i, j - 1] if j > 0 else 0.0
             right = across[i, j] if j < m2 else 0.0
@@ -130,7 +130,7 @@ def _runs(along, across):
                 continue
             if is_inside and left > 0.0 and left >= _NARROW * widest:
                 widest = max(widest, left)
-            else:
+            else:  # the link on the left is narrow, so that a new run begins
                 count += 1
                 first[count] = i * n2 + j
                 widest = 0.0
@@ -161,33 +161,36 @@ def _joints(along, across, run):
     link = np.empty(most, np.int32)
     exponent = np.empty(most, np.int16)
     count = 0
+    # links between two rows of nodes
     for i in range(n1):
-        # runs that the previous open link of this row of links has connected, and the widest link between them
-        last_a = last_b = -1
+        # the two runs that the last joint of this row of links connects, and the width of its link
+        last_above = last_below = -1
         widest = 0.0
         for j in range(n2):
             width = along[i, j]
             if not width > 0.0:
                 continue
-            a = run[i - 1, j] if i > 0 else 0
-            b = run[i, j] if i < n1 - 1 else 0
-            if a == last_a and b == last_b:
+            run_above = run[i - 1, j] if i > 0 else 0
+            run_below = run[i, j] if i < n1 - 1 else 0
+            if run_above == last_above and run_below == last_below:
+                # another link between the same two runs: the joint keeps the wider one
                 if width > widest:
                     widest = width
                     link[count - 1] = i * n2 + j
                     exponent[count - 1] = frexp(width)[1]
                 continue
-            last_a, last_b = a, b
+            last_above, last_below = run_above, run_below
             widest = width
-            above[count], below[count], link[count] = a, b, i * n2 + j
+            above[count], below[count], link[count] = run_above, run_below, i * n2 + j
             exponent[count] = frexp(width)[1]
             count += 1
+    # links between two runs of the same row
     for i in range(n1 - 1):
         for j in range(across.shape[1]):
-            a = run[i, j]
-            b = run[i, (j + 1) % n2]
-            if across[i, j] > 0.0 and a != b:
-                above[count], below[count], link[count] = a, b, n1 * n2 + i * n2 + j
+            run_left = run[i, j]
+            run_right = run[i, (j + 1) % n2]
+            if across[i, j] > 0.0 and run_left != run_right:
+                above[count], below[count], link[count] = run_left, run_right, n1 * n2 + i * n2 + j
                 exponent[count] = frexp(across[i, j])[1]
                 count += 1
     return above[:count], below[:count], link[:count], exponent[:count]
@@ -198,19 +201,20 @@ def _correction_energy(along, across, excess):
     """Send the excess of all nodes to the ends along a spanning tree of runs, and return the energy of this flux."""
     run, first, runs = _runs(along, across)
     above, below, link, exponent = _joints(along, across, run)
-    degree, joint = spanning_tree(above, below, exponent, runs)
+    degree, joints_xor = spanning_tree(above, below, exponent, runs)
     energy = 0.0
-    # remove the leaves of the tree one after another; a leaf has one remaining joint, which is then joint[a]
+    # Remove the leaves of the tree one after another. A leaf has a single remaining joint, so that the exclusive or of
+    # the numbers of its joints is the number of this joint, see `spanning_tree`.
     for leaf in range(1, runs):
-        a = np.int64(leaf)
-        while a != 0 and degree[a] == 1:
-            k = joint[a]
-            parent = np.int64(above[k]) + below[k] - a  # the other run of the joint
-            energy += _send_excess(along, across, run, first[a], link[k], excess, a)
-            degree[a] = 0
+        number = np.int64(leaf)  # of the run
+        while number != 0 and degree[number] == 1:
+            k = joints_xor[number]
+            parent = np.int64(above[k]) + below[k] - number  # the other run of the joint
+            energy += _send_excess(along, across, run, first[number], link[k], excess, number)
+            degree[number] = 0
             degree[parent] -= 1
-            joint[parent] ^= k  # removes joint k from the exclusive or of the remaining joints
-            a = parent
+            joints_xor[parent] ^= k  # removes joint k from the joints of the parent
+            number = parent  # the parent may have become a leaf
     return energy
 
 
@@ -223,40 +227,44 @@ def _send_excess(along, across, run, first, link, excess, number):
     """
     n1, n2 = along.shape
     run_of_node = run.reshape(-1)
-    i = first // n2
-    end = (i + 1) * n2  # node after the last one of this row
-    # `node` of this run and `other` of the next run are the two nodes of the link
-    if link < n1 * n2:
-        row = link // n2
+    i = first // n2  # row of the run
+    row_end = (i + 1) * n2  # node after the last one of this row
+    # the link leads from `exit_node` of this run to `parent_node` of its parent
+    is_along = link < n1 * n2  # otherwise it is a link of `across`
+    if is_along:
+        link_row = link // n2
         j = link % n2
-        conductance = along[row, j]
-        node = i * n2 + j
-        # rows of inner nodes begin one row below the inlet: link row i lies above node row i
-        other = node - n2 if row == i else node + n2
-        if row == 0 or row == n1 - 1:
-            other = -1  # an end, whose excess is not stored
+        conductance = along[link_row, j]
+        exit_node = i * n2 + j
+        # the links of `along` in row i lie above the inner nodes of row i, and those in row i + 1 below them
+        parent_node = exit_node - n2 if link_row == i else exit_node + n2
+        if link_row == 0 or link_row == n1 - 1:
+            parent_node = -1  # inlet or outlet, whose excess is not stored
     else:
         j = (link - n1 * n2) % n2
         conductance = across[i, j]
-        node = i * n2 + j
-        other = i * n2 + (j + 1) % n2
-        if run_of_node[node] != number:
-            node, other = other, node
-    # collect the excess of the nodes before `node`, then of the nodes after it, and send the sum through the link
+        exit_node = i * n2 + j
+        parent_node = i * n2 + (j + 1) % n2
+        if run_of_node[exit_node] != number:
+            exit_node, parent_node = parent_node, exit_node
+    # A flux q through a link of conductance c has the energy q²/c. First, the excess of the nodes on the left of
+    # `exit_node` is collected from link to link; link k of the row leads from node k to node k + 1.
     energy = 0.0
     total = 0.0
-    for k in range(first, node):
+    for k in range(first, exit_node):
         total += excess[k]
         energy += total**2 / across[i, k - i * n2]
-    last = node
-    while last + 1 < end and run_of_node[last + 1] == number:
+    # then the excess of the nodes on its right, from the last node of the run backwards
+    last = exit_node
+    while last + 1 < row_end and run_of_node[last + 1] == number:
         last += 1
-    beyond = 0.0
-    for k in range(last, node, -1):
-        beyond += excess[k]
-        energy += beyond**2 / across[i, k - 1 - i * n2]
-    total += beyond + excess[node]
+    from_right = 0.0
+    for k in range(last, exit_node, -1):
+        from_right += excess[k]
+        energy += from_right**2 / across[i, k - 1 - i * n2]
+    # finally, the sum is sent through the link to the parent
+    total += from_right + excess[exit_node]
     energy += total**2 / conductance
-    if other >= 0:
-        excess[other] += total
+    if parent_node >= 0:
+        excess[parent_node] += total
     return energy

@@ -317,7 +317,8 @@ def gap_on_rows(first, end, gap, ring1, ring2, on1, on2):
     """
     n1, n2 = gap.shape
     for i in range(first, on1.shape[0] if end == n1 else end):
-        # pixels around link i: without a ring, link i lies between the pixels i − 1 and i
+        # The four pixels around link i, which lies between the second and the third of them. These are the pixels i and
+        # i + 1 of a ring; otherwise they are the pixels i − 1 and i, because link 0 is at the inlet.
         start = i - 1 if ring1 else i - 2
         rows = [_inside(start + k, n1, ring1) for k in range(4)]
         before, a, b, after = gap[rows[0]], gap[rows[1]], gap[rows[2]], gap[rows[3]]

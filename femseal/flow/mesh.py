@@ -334,22 +334,25 @@ class MeshOperators:
         """
         mesh = self.mesh
         connected = connected_elements(mesh, tensor, self.ends, through_corners=of_vertices)
+        carrying = connected.carrying
+        # facets of inlet and outlet through which fluid flows; none at a boundary that is not connected to another one
         inlet, outlet = (
-            open_facets(mesh, facets, connected.carrying) if joined else facets[:0]
+            open_facets(mesh, facets, carrying) if joined else facets[:0]
             for facets, joined in zip(self.ends, connected.is_joined, strict=True)
         )
         if of_vertices:
+            vertices = mesh.t.T[carrying]  # (element, vertex)
             ends = np.unique(mesh.facets[:, inlet]), np.unique(mesh.facets[:, outlet])
-            return connected, MeshSystem(mesh.t.T[connected.carrying], ends, mesh.nvertices)
-        return connected, MeshSystem(mesh.t2f.T[connected.carrying], (inlet, outlet), mesh.nfacets)
+            return connected, MeshSystem(vertices, ends, mesh.nvertices)
+        facets = mesh.t2f.T[carrying]  # (element, facet)
+        return connected, MeshSystem(facets, (inlet, outlet), mesh.nfacets)
 
     @cached_property
     def _stiffness(self) -> Array:
         """Matrices of the conforming elements for each component of K, (component, element, vertex, vertex)."""
         element, _, order = KINDS[type(self.mesh)]
-        return _local_matrices(
-            forms.darcy_flow, Basis(self.mesh, element(), intorder=order), k=_UNITS
-        )
+        basis = Basis(self.mesh, element(), intorder=order)
+        return _local_matrices(forms.darcy_flow, basis, "k", _UNITS)
 
     @cached_property
     def _stiffness_of_axes(self) -> Array:
@@ -362,7 +365,7 @@ class MeshOperators:
         units = np.zeros((3, 2, 2, 1, 4))
         units[0, 0, 0, 0, :2] = 1.0
         units[1, 1, 1, 0, 2:] = 1.0
-        return _local_matrices(forms.darcy_flow, basis, k=units)
+        return _local_matrices(forms.darcy_flow, basis, "k", units)
 
     @cached_property
     def _resistance(self) -> Array:
@@ -386,7 +389,7 @@ class MeshOperators:
         """
         facets = self.mesh.t2f.T
         sign = np.where(self.mesh.f2t[0, facets] == np.arange(len(facets))[:, None], 1.0, -1.0)
-        local = _local_matrices(forms.flux_resistance, basis, resistance=_UNITS)
+        local = _local_matrices(forms.flux_resistance, basis, "resistance", _UNITS)
         return local * sign[:, :, None] * sign[:, None, :]
 
     def _has_axes_along_edges(self, tensor: Array) -> bool:
@@ -403,14 +406,14 @@ class MeshOperators:
         return along_x1 and np.array_equal(x1[:, [0, 1]], x1[:, [3, 2]])
 
 
-def _local_matrices(form: Any, basis: Basis, **units: Array) -> Array:
+def _local_matrices(form: Any, basis: Basis, coefficient: str, unit_tensors: Array) -> Array:
     """Compute the element matrices (3, n, m, m) of a form for each unit tensor of its coefficient.
 
-    units : a single keyword argument `name=tensors`: the name of the coefficient in the form, and its three unit
-        tensors (3, 2, 2, …).
+    coefficient : name of the coefficient in the form.
+    unit_tensors : array (3, 2, 2, …), value of the coefficient for each component K11, K22 and K12.
     """
-    ((name, tensors),) = units.items()
-    return np.stack([form.coo_data(basis, **{name: unit}).tolocal() for unit in tensors])
+    matrices = [form.coo_data(basis, **{coefficient: unit}).tolocal() for unit in unit_tensors]
+    return np.stack(matrices)
 
 
 def _combine(tensor: Floats, units: Array, elements: Indices) -> Array:

@@ -146,11 +146,12 @@ def _ends(parent, a):
     """
     while parent[a] != a:
         a = parent[a]
+    # a is now the root, the lowest label of the component; the inlet has the label 0, and the outlet the label 1
     if a > 1:
-        return 0
+        return 0  # connected to no end
     if parent[1] == 0:  # inlet and outlet are connected
         return BOTH_ENDS
-    return a + 1  # the label 0 of the inlet becomes 1, the label 1 of the outlet 2
+    return a + 1  # 1 for the inlet, 2 for the outlet
 
 
 @contextmanager
@@ -166,6 +167,7 @@ def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0)
     saved = []  # (conductances, indices of closed links, their conductances)
     if keep is not None:
         inner = keep[1:-1]
+        # flags of the links whose two nodes are marked, in the shapes of `along` and `across`
         keeps_along = keep[:-1] & keep[1:]
         keeps_across = np.roll(inner, -1, axis=1)
         keeps_across &= inner

@@ -218,16 +218,19 @@ def _links_of_partial_turn(
     """
     n1 = conductance.size
     n2 = cut.along.shape[1]
-    # Row 0 of the nodes is the inlet, so that row i of the pixels is row i + 1 of the nodes. Grooves that begin at the
-    # inlet within the first lead are linked to it (node 0).
+    # Node (row, column) has the number row · n2 + column. Row 0 of the nodes is the inlet, so that row i of the pixels
+    # is row i + 1 of the nodes.
+
+    # Grooves that begin at the inlet within the first lead are linked to the inlet (node 0).
     links = [
         _SeamLink(conductance[i - 1], {i * n2: weight, 0: -weight})
         for i in range(1, min(shift, n1) + 1)
     ]
+    # all other links, with the drop p(x1, L2) − p(x1, 0) + w (P − P₊)
     _, node_label = connected_components(cut.to_csr(), directed=False)
     label = node_label.reshape(n1 + 2, n2)[1:-1]
     for rows in _grooves(conductance, shift):
-        # w (P − P₊) as weights of the pixels in the first column and of the outlet
+        # w (P − P₊) as factors of the pressures of the pixels in the first column, and of the outlet
         drop_to_next = np.zeros(n1 + 1)
         connects_both_sides = label[rows[0], 0] == label[rows[0], -1]
         if connects_both_sides:
@@ -236,11 +239,12 @@ def _links_of_partial_turn(
             # − p(x1, 0) + w (P − P₊)
             drop = drop_to_next.copy()
             drop[i] -= 1.0
-            weighted_rows = np.flatnonzero(drop)
-            first_column = (weighted_rows + 1) * n2
-            weights = dict(zip(first_column.tolist(), drop[weighted_rows].tolist(), strict=True))
-            last_column = (i + 1) * n2 + n2 - 1
-            links.append(_SeamLink(conductance[i], {last_column: 1.0} | weights))
+            rows_with_factor = np.flatnonzero(drop)
+            nodes = (rows_with_factor + 1) * n2  # in the first column
+            factors = dict(zip(nodes.tolist(), drop[rows_with_factor].tolist(), strict=True))
+            # p(x1, L2)
+            last_node = (i + 1) * n2 + n2 - 1
+            links.append(_SeamLink(conductance[i], {last_node: 1.0} | factors))
     return links
 
 

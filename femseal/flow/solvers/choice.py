@@ -167,6 +167,7 @@ def _suits_multigrid(stencil: Stencil, nodes: int) -> bool:
     if nodes > ELIMINATED_NODES:
         return True
     roughness = _roughness(stencil.along, max(1, n1 // _SAMPLED_ROWS))
+    # multigrid is faster from _FEWEST exp(_GROWTH r) nodes on; logarithms are compared, so that nothing can overflow
     return log(nodes / _FEWEST) > _GROWTH * roughness
 
 
@@ -233,6 +234,7 @@ def _solve_by_multigrid(
     limit : largest number of iterations.
     bounded_from : number of iterations from which on the error is bounded, see `solve_multigrid`.
     """
+    # nodes that multigrid cannot solve, and nodes that keep their links; both are None if multigrid can solve all nodes
     isolated: Flags | None = None
     through: Flags | None = None
     has_narrow_links = any(
@@ -245,6 +247,7 @@ def _solve_by_multigrid(
         solution = solve_multigrid(stencil, rtol, limit, isolated, field_rtol, bounded_from)
         potential, error = solution.potential, solution.error
         if isolated is not None:
+            # exact energy of the network without its narrow links, from below
             lower_bound = stencil.energy(potential) * (1 - error**2)
     complement = 1 - potential
     if isolated is not None:

@@ -48,9 +48,9 @@ def eliminate(stencil: Stencil, unknown: Flags, φ: Array, ψ: Array) -> float:
     """
     order, first, parent = _nested_dissection(unknown, stencil.ring2)
     later, links = _list_links(order, stencil.along, stencil.across, φ)
-    conductance, of_inlet, of_outlet = _eliminate_fronts(first, parent, later, links)
-    φ.ravel()[order] = of_inlet
-    ψ.ravel()[order] = of_outlet
+    conductance, potential, complement = _eliminate_fronts(first, parent, later, links)
+    φ.ravel()[order] = potential
+    ψ.ravel()[order] = complement
     return float(conductance)
 
 
@@ -74,7 +74,8 @@ def _list_links(order, along, across, φ):
     conductance : array (n, 6), conductances of these links. A node has at most six links: to four neighbours and to
         both ends. Unused entries at the end of a row have the conductance 0.
     """
-    n, n2, m2 = order.size, along.shape[1], across.shape[1]
+    n = order.size
+    n2, m2 = along.shape[1], across.shape[1]
     # place of each node; −1 for nodes of known potential, which have none
     place = np.full((along.shape[0] + 1) * n2, -1, np.int32)
     for a in range(n):
@@ -85,9 +86,10 @@ def _list_links(order, along, across, φ):
         node = order[a]
         i, j = node // n2, node % n2
         row_start = node - j
+        # columns on either side, if the row is a ring; otherwise the link over the seam has the conductance 0
         left = j - 1 if j > 0 else n2 - 1
         right = j + 1 if j < n2 - 1 else 0
-        # number of each neighbour, and conductance of the link to it
+        # number of each neighbour, and conductance of the link to it; row i − 1 of `across` is in row i of the nodes
         neighbours = (
             (row_start + left, across[i - 1, left] if left < m2 else 0.0),
             (row_start + right, across[i - 1, j] if j < m2 else 0.0),
@@ -96,12 +98,13 @@ def _list_links(order, along, across, φ):
         )
         to_inlet = 0.0
         to_outlet = 0.0
-        k = 0
+        k = 0  # number of links listed for this node
         for neighbour, c in neighbours:
             if c > 0.0 and place[neighbour] > a:
                 later[a, k], conductance[a, k] = place[neighbour], c
                 k += 1
             elif c > 0.0 and place[neighbour] < 0:
+                # a known potential φ acts like links to the inlet (fraction φ) and to the outlet (fraction 1 − φ)
                 known = min(max(φ[neighbour // n2, neighbour % n2], 0.0), 1.0)
                 to_inlet += c * known
                 to_outlet += c * (1.0 - known)
@@ -186,25 +189,27 @@ def _nested_dissection(unknown, ring):
 
 
 @inner()
-def _thinnest_line(nodes, a, b, c, d):
+def _thinnest_line(nodes, first, end, left, right):
     """Find the line with the fewest nodes in the middle third of a box, and the number of its nodes.
 
     Of several such lines the one nearest to the middle is taken. The lines are rows. To examine columns, pass the
     transpose of `nodes`.
 
-    nodes : array of counts: nodes[i, j] is the number of nodes in the first i lines, at the first j positions.
+    nodes : summed-area table: nodes[i, j] is the number of nodes in the first i lines, at the first j positions.
     first, end : the lines of the box are `first` to `end` − 1.
     left, right : the positions of the box along each line are `left` to `right` − 1.
     """
-    middle = (a + b) // 2
+    middle = (first + end) // 2
     best, fewest = middle, 1 << 60
-    extent = (b - a) // 6
+    extent = (end - first) // 6
     for k in range(2 * extent + 1):
-        i = middle + ((k + 1) // 2 if k % 2 else -(k // 2))  # middle, +1, −1, +2, −2, …
-        if a <= i < b:
-            here = nodes[i + 1, d] - nodes[i, d] - nodes[i + 1, c] + nodes[i, c]
-            if here < fewest:
-                best, fewest = i, here
+        line = middle + ((k + 1) // 2 if k % 2 else -(k // 2))  # middle, +1, −1, +2, −2, …
+        if first <= line < end:
+            up_to_line = nodes[line + 1, right] - nodes[line + 1, left]
+            before_line = nodes[line, right] - nodes[line, left]
+            in_line = up_to_line - before_line
+            if in_line < fewest:
+                best, fewest = line, in_line
     return best, fewest
 
 
@@ -297,29 +302,33 @@ def _eliminate_front(front, fill_in, inverse):
     inverse : array (p,), to which 1 over the sum of the conductances of each node is written.
     """
     p, q = inverse.size, len(fill_in)
+    # Star-mesh elimination of node i adds the link c_ij c_ik / Σ_l c_il between its neighbours j and k. First, the new
+    # links from a later node j of the front are added.
     for i in range(p):
         total = 0.0
         for j in range(i + 1, p + q):
             total += front[i, j]
         inverse[i] = 1.0 / total if total != 0.0 else 0.0
         for j in range(i + 1, p):
-            f = front[i, j] * inverse[i]
-            if f != 0.0:
+            fraction = front[i, j] * inverse[i]
+            if fraction != 0.0:
                 for k in range(j + 1, p + q):
-                    front[j, k] += f * front[i, k]
+                    front[j, k] += fraction * front[i, k]
+    # Then the new links within the border, whose nodes have the indices p + j and p + k in `front`. They are BᵀDB with
+    # D = diag(inverse) and the links B from the front to the border.
     if p * q * q > _BLAS:
-        later = front[:, p:].copy()
-        fill_in += np.dot((later * inverse.reshape(p, 1)).T, later)
+        to_border = front[:, p:].copy()
+        fill_in += np.dot((to_border * inverse.reshape(p, 1)).T, to_border)
         return
-    # two nodes at a time, which is faster; if p is odd, the last node has no second one
+    # two nodes, i and i2, at a time, which is faster; if p is odd, the last node has no second one
     for i in range(0, p, 2):
-        after = min(i + 1, p - 1)
-        second = inverse[after] if i + 1 < p else 0.0
+        i2 = min(i + 1, p - 1)
+        inverse2 = inverse[i2] if i + 1 < p else 0.0
         for j in range(q):
-            f = inverse[i] * front[i, p + j]
-            g = second * front[after, p + j]
+            fraction = inverse[i] * front[i, p + j]
+            fraction2 = inverse2 * front[i2, p + j]
             for k in range(j + 1, q):
-                fill_in[j, k] += f * front[i, p + k] + g * front[after, p + k]
+                fill_in[j, k] += fraction * front[i, p + k] + fraction2 * front[i2, p + k]
 
 
 @inner(**_fast)
@@ -328,21 +337,29 @@ def _potentials(first, rows, borders, inverse):
 
     In reverse order of elimination, the potential of a node is the weighted mean of the potentials of the neighbours
     that it had when it was eliminated.
+
+    first : place of the first node of each front.
+    rows, borders : for each front, the array `front` after elimination, and the places of the nodes in its border.
+    inverse : array (n,), 1 over the sum of the conductances of each node.
     """
     n = inverse.size
     v = np.zeros(n + 2)
     w = np.zeros(n + 2)
-    v[n] = w[n + 1] = 1.0
+    v[n] = 1.0  # the inlet
+    w[n + 1] = 1.0  # the outlet
     for f in range(len(rows) - 1, -1, -1):
         front, border, start = rows[f], borders[f], first[f]
         p = len(front)
         for i in range(p - 1, -1, -1):
-            x = y = 0.0
+            # sums of conductance times potential over the links to later nodes, in the front and in its border
+            sum_v = 0.0
+            sum_w = 0.0
             for j in range(i + 1, p):
-                x += front[i, j] * v[start + j]
-                y += front[i, j] * w[start + j]
+                sum_v += front[i, j] * v[start + j]
+                sum_w += front[i, j] * w[start + j]
             for j in range(border.size):
-                x += front[i, p + j] * v[border[j]]
-                y += front[i, p + j] * w[border[j]]
-            v[start + i], w[start + i] = x * inverse[start + i], y * inverse[start + i]
+                sum_v += front[i, p + j] * v[border[j]]
+                sum_w += front[i, p + j] * w[border[j]]
+            v[start + i] = sum_v * inverse[start + i]
+            w[start + i] = sum_w * inverse[start + i]
     return v[:n], w[:n]

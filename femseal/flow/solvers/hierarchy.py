@@ -99,6 +99,8 @@ def _number_nodes(n1, n2, ring):
 @compiled(**REORDERED)
 def eliminate_coarsest(operator, ring):
     """Eliminate all nodes of an operator, given by its diagonal and conductances; return the `Coarsest` level."""
+    # The nodes have the rows 1 to n1 and the columns 1 to n2 of the fields, which have a border. In `number` and in the
+    # loops they count from 0.
     centre = operator[0]
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
@@ -111,23 +113,26 @@ def eliminate_coarsest(operator, ring):
     for i in range(n1):
         for j in range(n2):
             k = number[i, j]
-            rest = centre[i + 1, j + 1]  # in the end, the conductance to the ends
+            # diagonal entry less all conductances to neighbours: what remains is the conductance to the ends
+            rest = centre[i + 1, j + 1]
             # links to the right, below, below right and below left: operator[1] to operator[4]
             for side in range(1, 5):
                 down = (0, 1, 1, 1)[side - 1]
                 right = (1, 0, 1, -1)[side - 1]
                 link = operator[side]
-                if link.size == 1:
+                if link.size == 1:  # a five-point operator has no diagonal links
                     continue
-                # the link of this node, and the link of the opposite neighbour to this node
+                # link from this node to its neighbour, and link from the neighbour on the opposite side to this node
                 rest -= link[i + 1, j + 1] + link[i + 1 - down, j + 1 - right]
                 column = (j + right) % n2 if ring else j + right
                 if i + down < n1 and 0 <= column < n2 and number[i + down, column] != k:
                     other = number[i + down, column]
+                    # each link is stored at the node that is eliminated first
                     band[min(k, other), abs(k - other) - 1] += link[i + 1, j + 1]
             if rest > _ROUNDING * centre[i + 1, j + 1]:
                 ends[k] = rest
-    # star-mesh elimination: node k adds links between all its later neighbours, and between them and the ends
+    # Star-mesh elimination: node k adds links between all its later neighbours, and between them and the ends. Entry a
+    # of its row in `band` is the link to node k + 1 + a.
     for k in range(n):
         row = band[k]
         later = band[k + 1 : k + 1 + width]
@@ -151,7 +156,8 @@ def solve_coarsest(coarsest, b, ring, x):
     """Solve the coarsest level for the right-hand side b, and write the solution x; both have a border."""
     number, band, inverse = coarsest
     n1, n2 = number.shape
-    n, width = inverse.size, band.shape[1]
+    n = inverse.size
+    width = band.shape[1]
     # source of each node in the order of elimination, and later its potential
     v = np.zeros(n + width, np.float32)
     for i in range(n1):
@@ -159,16 +165,16 @@ def solve_coarsest(coarsest, b, ring, x):
             v[number[i, j]] = b[i + 1, j + 1]
     # forwards: the source of an eliminated node is distributed over its later neighbours
     for k in range(n):
-        here = v[k] * inverse[k]
-        v[k] = here
+        share = v[k] * inverse[k]
+        v[k] = share
         for a in range(width):
-            v[k + 1 + a] += band[k, a] * here
+            v[k + 1 + a] += band[k, a] * share
     # backwards: the potentials of the later neighbours are known
     for k in range(n - 1, -1, -1):
-        s = np.float32(0.0)
+        inflow = np.float32(0.0)
         for a in range(width):
-            s += band[k, a] * v[k + 1 + a]
-        v[k] += s * inverse[k]
+            inflow += band[k, a] * v[k + 1 + a]
+        v[k] += inflow * inverse[k]
     for i in range(n1):
         for j in range(n2):
             x[i + 1, j + 1] = v[number[i, j]]
@@ -224,6 +230,7 @@ def _weights_in_coarse_rows(first, end, w, operator, is_nine_point, ring):
     centre, right, below, below_right, below_left = operator
     n2 = centre.shape[1] - 2
     m2 = w.shape[1] - 2
+    # coarse row (i + 1) // 2 is the fine row i, which is odd
     for i in range(2 * first - 1, 2 * end - 1, 2):
         for j in range(1, m2 + 1):
             w[(i + 1) // 2, j, 1, 1] = 1.0
@@ -255,8 +262,10 @@ def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
     m2 = w.shape[1] - 2
+    # fine row i lies between the coarse rows i // 2 above it and i // 2 + 1 below it
     for i in range(2 * first, min(2 * end, n1 + 1), 2):
-        # nodes directly between two coarse nodes, above and below
+        # Nodes directly between two coarse nodes, one above and one below. As in `_weights_in_coarse_rows`, diagonal
+        # links are added to those above and below, and links along the row are left out.
         for j in range(1, n2 + 1, 2):
             north = below[i - 1, j]
             south = below[i, j]
@@ -266,8 +275,9 @@ def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
             total = max(centre[i, j] - right[i, j - 1] - right[i, j], north + south)
             w[i // 2, (j + 1) // 2, 2, 1] = _fraction(north, total)
             w[i // 2 + 1, (j + 1) // 2, 0, 1] = _fraction(south, total)
-        # Nodes in the middle of four coarse nodes. Their weights follow from those of the four fine nodes around them,
-        # which have been computed before.
+        # Nodes in the middle of four coarse nodes (nw, ne, sw and se). The value of such a node is the mean of its
+        # neighbours, weighted with the conductances; each neighbour is interpolated from two of the coarse nodes with
+        # weights that have been computed before.
         for j in range(2, n2 + 1, 2):
             c = centre[i, j]
             if c <= 0.0:
@@ -392,10 +402,11 @@ def levels_of_operator(fine, ring):
     fewest = 0.0  # number of open nodes at which coarsening ends
     while True:
         n1, n2 = operator[0].shape
-        diagonal_links = np.zeros((2, n1, n2) if levels else (2, 1, 1), np.float32)
+        # fields of the level in one array: links to the right and below, inverse, b, x and r
         fields = np.zeros((6, n1, n2), np.float32)
+        diagonal_links = np.zeros((2, n1, n2) if levels else (2, 1, 1), np.float32)
         links = fields[0], fields[1], diagonal_links[0], diagonal_links[1]
-        inverse = fields[2]
+        inverse, b, x, r = fields[2], fields[3], fields[4], fields[5]
         _store_operator(inverse, links, operator)
         open_nodes = np.count_nonzero(inverse)
         if not levels:
@@ -404,10 +415,10 @@ def levels_of_operator(fine, ring):
         m1, m2 = (0, 0) if is_coarsest else coarser_shape(n1, n2)
         weights = np.zeros((m1, m2, 3, 3), np.float32)
         is_nine_point = len(levels) > 0  # only the operator of the finest level has five points
-        levels.append(Level(links, inverse, fields[3], fields[4], fields[5], weights))
+        levels.append(Level(links, inverse, b, x, r, weights))
         if is_coarsest:
             return levels, eliminate_coarsest(operator, ring)
-        coarse = np.zeros((5, m1, m2))
+        coarse = np.zeros((5, m1, m2))  # diagonal and four kinds of conductances
         _weights_in_coarse_rows(weights, operator, is_nine_point, ring)
         _weights_between_coarse_rows(weights, operator, is_nine_point, ring)
         _galerkin_product(weights, operator, is_nine_point, ring, coarse)

@@ -224,10 +224,13 @@ def _judge(iteration, state, history, share, settings):
     is_estimate = iteration < settings.bounded_from or field < np.inf
     if is_estimate:
         share = min(_STOPPING, share)
-    allowed = min(share * rtol, (0.1 * field) ** 2)
+    allowed = min(
+        share * rtol, (0.1 * field) ** 2
+    )  # largest accepted square of the relative error of φ
     history[0, iteration] = rz
     error = np.inf
-    if 0.0 <= rz <= allowed * rate and unbalanced <= 3.0 * max(np.sqrt(rtol), 1e-6) * rate:
+    is_balanced = unbalanced <= 3.0 * max(np.sqrt(rtol), 1e-6) * rate
+    if 0.0 <= rz <= allowed * rate and is_balanced:
         # if the error is bounded afterwards, no allowance for unseen error components is needed
         θ = 1.0
         if is_estimate:
@@ -239,8 +242,8 @@ def _judge(iteration, state, history, share, settings):
     if not hopeless and iteration >= _EXTRAPOLATED_FROM and rate > 0.0 and rz > allowed * rate:
         # extrapolate the number of iterations, if each one reduces rᵀM⁻¹r by the same factor as on average so far
         initial = history[0, 0]
-        needed = np.log(initial / (allowed * rate))
-        hopeless = rz >= initial or iteration * needed / np.log(initial / rz) > limit
+        needed_reduction = np.log(initial / (allowed * rate))
+        hopeless = rz >= initial or iteration * needed_reduction / np.log(initial / rz) > limit
     return error, False, hopeless
 
 
@@ -254,9 +257,10 @@ def _smallest_eigenvalue(steps, ratios):
     steps, ratios : step lengths α and ratios β of the conjugate gradients.
     """
     n = steps.size
-    diagonal = np.ones(max(n, 1))
+    diagonal = np.ones(max(n, 1))  # of the tridiagonal matrix T
     for i in range(n):
         diagonal[i] = 1.0 / steps[i] + (ratios[i] / steps[i - 1] if i > 0 else 0.0)
+    # halve an upper bound of the smallest eigenvalue of T until it is below this eigenvalue
     lowest = diagonal.min()
     for _ in range(100):
         # factorise T − lowest · I as LDLᵀ: all pivots are positive if the value is below the smallest eigenvalue
@@ -268,10 +272,13 @@ def _smallest_eigenvalue(steps, ratios):
         if pivot > 0.0:
             break
         lowest *= 0.5
-    # As long as the smallest Ritz value is above the first number, eigenvalues down to this number are allowed for.
-    # Below it, the allowance falls with the square of the Ritz value, down to the second number.
+    # Smaller eigenvalues may not have appeared yet. As long as the Ritz value is above the first number, eigenvalues
+    # down to this number are allowed for. Below it, the allowance falls with the square of the Ritz value, down to the
+    # second number.
     after_few, after_many = _UNSEEN_EIGENVALUES
-    return min(max(min(lowest**2 / after_few, after_few), after_many), lowest)
+    allowance = min(lowest**2 / after_few, after_few)
+    allowance = max(allowance, after_many)
+    return min(allowance, lowest)
 
 
 @leader(**REORDERED)
@@ -301,11 +308,13 @@ def _first_sweep(first, end, x, b, inverse, ring):
 
 @by_rows(**REORDERED)
 def _residual_or_sweep(first, end, r, level, after_first_sweep, ring):
-    """Compute the residual of x after `_first_sweep`, or perform a sweep of damped Jacobi, on some rows.
+    """Compute the residual after the first sweep, or perform the second sweep of damped Jacobi, on some rows.
 
-    Both begin with b plus the sum of the conductances times the neighbours, which is written to r. After `_first_sweep`
-    x = ω b/a with the damping ω and the diagonal a, so that the diagonal part of the residual is b − a x = (1 − ω) b.
-    Otherwise r is the result of the sweep.
+    Both operations begin with the sum s = b + Σ c x over the neighbours of each node, where c is the conductance of the
+    link to a neighbour. With the diagonal entry a and the damping ω, the result that is written to r is
+
+    - with `after_first_sweep`, the residual s − a x, which is s − ω b because the first sweep has set x = ω b/a;
+    - otherwise, the value x + ω (s/a − x) after the second sweep.
     """
     right, below, below_right, below_left = level.links
     x = level.x
@@ -328,10 +337,10 @@ def _residual_or_sweep(first, end, r, level, after_first_sweep, ring):
                     + from_above_left[j - 1] * x_above[j - 1]
                     + from_above_right[j + 1] * x_above[j + 1]
                 )
-        if after_first_sweep:
+        if after_first_sweep:  # the residual
             for j in range(1, x.shape[1] - 1):
                 out[j] -= _DAMPING * b[j]
-        else:
+        else:  # the sweep
             for j in range(1, x.shape[1] - 1):
                 out[j] = x_here[j] + _DAMPING * (inverse[j] * out[j] - x_here[j])
         if ring:
