@@ -145,20 +145,25 @@ def scatter(result: fs.FaceResult, hardness: float):
 
 def draw(rows, faces, path):
     """Draw the permeability and the pressure drop of cells, and below them the unloading against the size."""
-    import matplotlib
+    with fs.plots.style.style():
+        _draw(rows, faces).savefig(path, dpi=fs.plots.style.DPI)
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
 
-    plt.rcParams.update({"font.size": 9, "axes.titlesize": 9})
+def _draw(rows, faces):
+    from matplotlib.figure import Figure
+
     ratios = sorted({r["H/(E* slope)"] for r in rows})
-    figure, axes = plt.subplots(2, 3, figsize=(10.2, 7.4), layout="constrained")
-    _draw_cells(axes[0], faces)
+    # two columns of a journal
+    figure = Figure(figsize=(2 * fs.plots.style.PAGE, 7.2), layout="constrained")
+    axes = figure.subplots(3, 2).ravel()
+    for ax, letter in zip(axes, "abcdef", strict=True):
+        ax.set_title(f"({letter})", loc="left", fontweight="bold")
+    _draw_cells(axes[:3], faces)
     peaks, shades = (
         sorted({r["peak/H"] for r in rows}),
         ("#E69F00", "#00467F", "#009E73", "#666666"),
     )
-    for ax, ratio in zip(axes[1], ratios, strict=False):
+    for ax, ratio in zip(axes[3:], ratios, strict=False):
         chosen = [r for r in rows if r["H/(E* slope)"] == ratio]
         for peak, colour in zip(peaks, shades, strict=False):
             for breadth, marker in zip(
@@ -167,20 +172,20 @@ def draw(rows, faces, path):
                 some = [r for r in chosen if r["breadth_mm"] == breadth and r["peak/H"] == peak]
                 some.sort(key=lambda r: r["length_mm"])
                 ax.plot([r["length_mm"] for r in some], [r["growth_at_half_load"] for r in some], marker=marker,
-                        ms=5, mfc="none", color=colour, label=f"peak {peak:g} H, {breadth:g} mm broad")  # fmt: skip
+                        ms=4, mfc="none", color=colour, label=f"peak {peak:g} H, {breadth:g} mm broad")  # fmt: skip
         ax.set(
             xscale="log",
             xlabel="length of the seal [mm]",
             title=f"unloading, H/(E* h′) = {ratio:g}",
             ylim=(1, None),
         )
-        ax.grid(alpha=0.3)
-    axes[1, 0].set_ylabel("leakage after half of the load is lost,\ndivided by that at the peak")
-    for ax in axes[1, len(ratios) :]:
+        ax.grid()
+        ax.set_ylabel("leakage after half of the load is lost,\ndivided by that at the peak")
+    for ax in axes[3 + len(ratios) :]:
         ax.axis("off")
-    handles, names = axes[1, 0].get_legend_handles_labels()
-    figure.legend(handles, names, fontsize=7, loc="outside lower center", ncols=4)
-    figure.savefig(path, dpi=150)
+    handles, names = axes[3].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=3)
+    return figure
 
 
 def _draw_cells(axes, faces):
@@ -220,7 +225,7 @@ def _draw_cells(axes, faces):
     axes[1].xaxis.set_minor_formatter("")
     for ax in axes[:2]:
         ax.set_ylim(floor, None)
-        ax.legend(fontsize=7)
+        ax.legend()
     for (n, result), marker in zip(faces.items(), "os^", strict=False):
         found = [r for r in scatter(result, 1.0) if r["half_of_drop"]]
         axes[2].plot([r["leakage_over_first"] for r in found], [r["half_of_drop"] for r in found], ls="", ms=4,
@@ -228,7 +233,7 @@ def _draw_cells(axes, faces):
     axes[2].set(xscale="log", yscale="log", xlabel="leakage divided by that at the first load",
                 ylabel="cells that carry half of the pressure drop", title="constrictions")  # fmt: skip
     axes[2].invert_xaxis()
-    axes[2].legend(fontsize=7)
+    axes[2].legend()
 
 
 def write(rows, path):

@@ -4,6 +4,8 @@ There are three groups of error sources: numerical errors, errors of a method th
 effects that the model neglects.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property

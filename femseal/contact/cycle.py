@@ -7,6 +7,8 @@ up to the peak load, and the curve of first loading beyond it (Sahlin et al., Pr
 Pérez-Ràfols et al., 2018).
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial

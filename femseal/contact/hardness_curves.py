@@ -1,5 +1,7 @@
 """Define contact laws whose hardness is a curve over depth: from a table, by Nix and Gao, or of a coated body."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any

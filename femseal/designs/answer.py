@@ -3,6 +3,8 @@
 The input is a case, which is run, or the results of a run.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

@@ -81,8 +81,27 @@ def cubic_law(gap: Any) -> Any:
 class FlowLaw(ABC):
     """Base class of flow laws, which give the permeability of a gap as K = (h³/12) F(h, p) with a factor F > 0.
 
-    A flow law defines the method `factor`. In all methods the gap h >= 0 [m] and the pressure p >= 0 [Pa], absolute for
-    a gas, are numbers or arrays that are broadcast together.
+    A flow law defines the method `factor`, and should be a frozen dataclass whose fields are its parameters. In all
+    methods, the gap h >= 0 [m] and the pressure p >= 0 [Pa] are numbers or arrays that are broadcast together. The
+    pressure of a gas is absolute.
+
+    Examples
+    --------
+    A permeability that is smaller in narrow gaps:
+
+    >>> from dataclasses import dataclass
+    >>> import femseal as fs
+    >>> @dataclass(frozen=True)
+    ... class Hindered(fs.FlowLaw):
+    ...     length = "size"  # name of the parameter that sets the characteristic length
+    ...     size: float  # [m]
+    ...
+    ...     def factor(self, gap, pressure=0.0):
+    ...         return 1 / (1 + self.size / np.asarray(gap))
+    >>> gap = np.full((16, 16), 1e-6)
+    >>> k = fs.cell_permeability(gap, (1e-6, 1e-6), law=Hindered(1e-6)).value
+    >>> round(12 * k / 1e-18, 6)  # relative to h³/12
+    0.5
     """
 
     #: Name of the parameter, of the law and of the fluid, that sets the characteristic length of the law, such as a
@@ -112,7 +131,11 @@ class FlowLaw(ABC):
         InputError : the factor of the law is not positive and finite where the gap is open.
         """
         h, p = np.broadcast_arrays(np.asarray(gap, dtype=float), np.asarray(pressure, dtype=float))
-        return widened(h, self.factor(h, p))
+        with np.errstate(
+            divide="ignore", invalid="ignore"
+        ):  # the factor is not used where the gap is 0
+            factor = self.factor(h, p)
+        return widened(h, factor)
 
     def gap(self, permeability: float, pressure: float = 0.0) -> float:
         """Compute the gap [m] that has a given permeability > 0 [m³], by the secant method in ln h."""

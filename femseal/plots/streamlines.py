@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base import Array
+from ..base import Array, Flags
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 #: Number of points at which the flow is interpolated along the longer side of a panel, and smallest number along the
 #: shorter side.
 _MOST_POINTS, _FEWEST_POINTS = 160, 24
+#: Number of tiles near a point of the grid that may contain it.
+_NEAREST_TILES = 12
 #: Width of streamlines where the flow is largest and where it vanishes [points].
 _WIDEST, _NARROWEST = 1.0, 0.25
 #: Density of the grid on which the path is followed. Its steps are at most a cell of it, a small part of a narrow ring.
@@ -28,8 +30,6 @@ _PATH_COLOUR, _PATH_WIDTH = "#E6007E", 1.4
 #: Smallest distance from the centre of a tile in the weights, in half sides of a tile. It limits the weight of a single
 #: tile.
 _LEAST_DISTANCE = 0.3
-#: A point belongs to the seal up to this factor times the distance of a corner from the centre of its tile.
-_CORNER_TOLERANCE = 1.05
 #: Streamlines per inch of the panel, and smallest value, in the unit of the argument `density` of `streamplot`.
 _DENSITY_PER_INCH, _LEAST_DENSITY = 0.35, 0.3
 
@@ -58,7 +58,9 @@ def _interpolate_flow(axes: Axes, corners: Array, flux: Array) -> _FlowGrid:
     """Interpolate the flow of the tiles at the points of a regular grid that covers the axes.
 
     The flow at a point is the weighted mean of the flow in the four nearest tiles. The weights are the inverse squares
-    of the distances. At points outside of all tiles the flow is NaN.
+    of the distances. At points outside of all tiles the flow is NaN, so that
+    streamlines end at the borders of the seal. A narrow ring is only a few steps of the grid wide; points within one
+    step of a tile are therefore not outside.
 
     Parameters
     ----------
@@ -82,17 +84,41 @@ def _interpolate_flow(axes: Axes, corners: Array, flux: Array) -> _FlowGrid:
     half_size = np.ptp(corners, axis=1).max(axis=0) / 2
     # Distances are measured in half sides of a tile, because the two sides may differ. Both arrays have the axes (row,
     # column, neighbour).
-    distance, nearest = cKDTree(centres / half_size).query(points / half_size, k=4)
+    count = max(min(_NEAREST_TILES, len(flux)), 4)
+    distance, nearest = cKDTree(centres / half_size).query(points / half_size, k=count)
     # If there are fewer than four tiles, the missing neighbours have an infinite distance, and thus the weight 0. Their
     # index is len(flux), which becomes a valid index here.
     nearest %= len(flux)
+    grid_step = max(x[1] - x[0], y[1] - y[0])
+    is_outside = ~_lies_in_a_tile(points, corners[nearest], grid_step)
+    distance, nearest = distance[..., :4], nearest[..., :4]
     weights = 1 / np.maximum(distance, _LEAST_DISTANCE) ** 2
     interpolated = (weights[..., None] * flux[nearest]).sum(axis=2)  # (row, column, axis)
     interpolated /= weights.sum(axis=2)[..., None]
-    # in these units, the corner of a tile is √2 from its centre
-    is_outside = distance[..., 0] > 2**0.5 * _CORNER_TOLERANCE
     interpolated[is_outside] = np.nan
     return _FlowGrid(x, y, interpolated)
+
+
+def _lies_in_a_tile(points: Array, corners: Array, tolerance: float) -> Flags:
+    """Return whether each point lies in one of the tiles near it, or outside of it by at most a tolerance.
+
+    A point lies in a convex tile if it is on the same side of all edges.
+
+    Parameters
+    ----------
+    points : array (rows, columns, 2)
+        Coordinates of the points.
+    corners : array (rows, columns, tiles, corners, 2)
+        Corners of the tiles near each point, in order around the tile.
+    tolerance : float
+        Largest distance of a point from the edges of the tile.
+    """
+    edges = np.roll(corners, -1, axis=-2) - corners
+    to_point = points[:, :, None, None] - corners
+    cross = edges[..., 0] * to_point[..., 1] - edges[..., 1] * to_point[..., 0]
+    margin = tolerance * np.hypot(edges[..., 0], edges[..., 1])
+    is_inside = (cross >= -margin).all(axis=-1) | (cross <= margin).all(axis=-1)
+    return np.asarray(is_inside.any(axis=-1))
 
 
 def draw_streamlines(axes: Axes, corners: Array, flux: Array, colour: str) -> None:

@@ -16,7 +16,6 @@ from ..case.faces import FileFace
 from ..face.cells import Cut, usual_cells
 from ..studies.blocks import CELLS, usual_blocks
 from ..topography import (
-    MOST_POINTS,
     Conditioning,
     Continuation,
     Instrument,
@@ -28,19 +27,16 @@ from ..topography import (
     check_wave,
     combine,
     continuation_of,
+    default_points,
     default_wave,
     repair,
     resolved_wave,
     resolving_shape,
     smooth,
-    spectrum,
 )
 from .keys import FACE_KEYS, SURFACE_KEYS, errors_with_keys
 from .memory import check_memory_of_points
 
-#: A measured surface keeps its pixels if the waves of at least 8 pixels have at least this fraction of the rms slope of
-#: all measured waves.
-KEPT_SLOPE = 0.99
 #: Smallest and default length of a side of a cell, in shortest waves.
 _LEAST_WAVES, _USUAL_WAVES = 2, 8
 #: Relative error of lengths that are computed in different ways.
@@ -313,42 +309,6 @@ def _choose_points(case: Case, level: Surface, instrument: Instrument) -> Shape:
 def over_all_patches(surface: Surface, counts: Shape) -> Shape:
     """Convert numbers of points or cells of the shortest patch to numbers for all patches, side by side along x2."""
     return counts[0], round(counts[1] * surface.shape[1] / surface.shortest_patch.shape[1])
-
-
-def default_points(level: Surface, shortest_wave: float | None, instrument: Instrument) -> Shape:
-    """Choose the numbers of grid points for a measured surface.
-
-    Waves must be at least 8 pixels long to be resolved. If nearly all of the rms slope is in such waves, the grid is
-    that of the measured pixels. Otherwise the grid is finer, so that it resolves the shortest measured wave, see
-    `topography.resolving_shape`. A grid that was chosen in this way has at most `MOST_POINTS` points.
-
-    Parameters
-    ----------
-    level : Topography or Patches
-        Surface without undefined points.
-    shortest_wave : float or None
-        Wavelength of the filter [m]. If it is given, the grid must resolve this wave.
-    instrument : Instrument
-        Instrument with which the surface was measured.
-    """
-    wave_of_pixels = resolved_wave(
-        level.size, level.shape
-    )  # shortest wave that the measured pixels resolve
-    wave = shortest_wave  # wave that the grid must resolve
-    if wave is None:
-        # shortest wave above noise and within the limits of the instrument
-        measured = max(spectrum(level).shortest_wave, instrument.shortest_wave(level))
-        slope_on_pixels = level.rms_slope_of_long_waves(wave_of_pixels)
-        slope = level.rms_slope_of_long_waves(measured)
-        wave = wave_of_pixels if slope_on_pixels >= KEPT_SLOPE * slope else measured
-    if wave >= wave_of_pixels and level.heights.size <= MOST_POINTS:
-        return level.shape
-    # a finer grid or, if there are too many pixels, a coarser one
-    points = resolving_shape(level.size, min(wave, wave_of_pixels), most=MOST_POINTS)
-    if shortest_wave is not None and resolved_wave(level.size, points) > wave:
-        # the limit of the number of points does not apply to a wave that the user has chosen
-        return resolving_shape(level.size, wave)
-    return points
 
 
 def _choose_cells(

@@ -25,6 +25,7 @@ from ..topography import (
     SurfaceReport,
     TooManyUndefined,
     Topography,
+    default_points,
     describe_surface,
     read_for_a_look,
     repair,
@@ -33,7 +34,6 @@ from ..topography import (
 )
 from ..topography.text_files import is_text
 from .keys import errors_with_keys
-from .surface import default_points
 
 #: Option on the command line for each argument of the functions that read and condition a surface.
 SURFACE_OPTIONS = {

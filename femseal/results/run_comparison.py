@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from math import prod
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -32,6 +33,9 @@ from .dataset_file import open_results
 from .ranking import Ranking
 from .results import Results
 from .tables import format_interval, kind_of, leakage_texts
+
+if TYPE_CHECKING:
+    import xarray
 
 #: Variables with the lower and upper quantile of the leakage of the realisations.
 QUANTILES = ("leakage_lower", "leakage_upper")
@@ -152,6 +156,49 @@ class RunComparison(Plotted):
             }
             rows += rows_of(columns)
         return rows
+
+    def dataset(self) -> xarray.Dataset:
+        """Return the results of all runs at the load steps that they have in common, as one dataset.
+
+        Returns
+        -------
+        xarray.Dataset
+            Every variable that all runs have for each load step. The dimensions are `run` and `step`. For a sweep over
+            all combinations of some keys, they are these keys and `step`; values that are no numbers are texts.
+
+        Raises
+        ------
+        InputError
+            The runs have no load step in common.
+        """
+        import xarray
+
+        steps = self.common_steps
+        if not steps:
+            raise InputError("runs", "no common load step", "runs with a load step in common")
+        datasets = [results.dataset for results in self.runs]
+        names = [
+            name
+            for name, values in datasets[0].data_vars.items()
+            if all(name in data and data[name].dims == ("step",) for data in datasets)
+            and values.dtype.kind in "biuf"
+        ]
+        parts = []
+        for results, data in zip(self.runs, datasets, strict=True):
+            order = [results.steps.index(step) for step in steps]
+            parts.append(data[names].isel(step=order).assign_coords(step=np.arange(len(steps))))
+        combined = xarray.concat(parts, "run", coords="minimal", compat="override", join="override")
+        combined.attrs = {}  # those of a single run
+        combined = combined.assign_coords(run=list(self.names))
+        columns = [_numbers_if_possible(texts) for texts in zip(*self.settings, strict=True)]
+        is_complete = prod(len(set(values)) for values in columns) == len(self.runs)
+        if not self.keys or not is_complete or len(set(self.settings)) < len(self.runs):
+            return combined
+        for key, values in zip(self.keys, columns, strict=True):
+            combined = combined.assign_coords({key: ("run", values)})
+        if len(self.keys) == 1:
+            return combined.swap_dims(run=self.keys[0]).drop_vars("run")
+        return combined.drop_vars("run").set_index(run=list(self.keys)).unstack("run")
 
     def table(self) -> TextTable:
         """Return the comparison as a table that `rich.print` displays.
@@ -412,3 +459,11 @@ def _names_of(runs: Sequence[Results]) -> tuple[str, ...]:
 def _with_numbers(names: Sequence[str | Path | None]) -> tuple[str, ...]:
     """Convert names to text; a run without a name is named by its number."""
     return tuple(str(name or f"run {number}") for number, name in enumerate(names, start=1))
+
+
+def _numbers_if_possible(texts: Sequence[str]) -> list[Any]:
+    """Convert texts to numbers; return them unchanged if any of them is not a number."""
+    try:
+        return [float(text) for text in texts]
+    except ValueError:
+        return list(texts)

@@ -1,5 +1,7 @@
 """Describe the input of all studies: a rough surface under load, and the fluid that it seals."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -63,7 +65,8 @@ class Scene:
     rtol : float
         Relative residual at which the contact solver stops, see `contact.solve_contact`.
     layout : Layout
-        Shape of the seal in the stochastic study, see `seal.layouts`. All other studies take the surface as a strip.
+        Shape of the seal in the stochastic study: `RectangularLayout`, `AnnularLayout` or `MeshLayout` of
+        `femseal.seal`. All other studies take the surface as a strip.
     solver : str
         Flow solver for cells and seals, see `flow.cell_permeability`.
     fluid_pressure : "acts", "trapped" or "ignored"

@@ -6,6 +6,8 @@ linear flow problem, in which the permeability of an element is the mean ∫ k(p
 the highest pressure at its corners.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field, replace
 from typing import Any
 

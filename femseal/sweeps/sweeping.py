@@ -1,5 +1,7 @@
 """Run a case with every combination of the values of some of its keys, and compare the runs."""
 
+from __future__ import annotations
+
 import copy
 import logging
 import re

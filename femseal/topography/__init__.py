@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         Repair,
         check_wave,
         condition,
+        default_points,
         default_wave,
         repair,
         resolved_wave,

@@ -14,10 +14,13 @@ space so that the shortest wave is resolved by at least 8 pixels; Church and Tak
 ISO 25178-600 (lateral period limit: the wavelength at which the instrument shows half of the height).
 """
 
+from __future__ import annotations
+
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import atan, ceil, hypot, inf, pi, prod, sqrt
+from typing import Literal
 
 import numpy as np
 import scipy
@@ -49,6 +52,9 @@ _NOTABLE = 0.01
 #: Waves that the instrument does not resolve count as removed, down to the shortest resolved wave divided by this
 #: ratio.
 UNSEEN = 10.0
+#: A measured surface keeps its pixels if the waves of at least 8 pixels have at least this fraction of the rms slope of
+#: all measured waves.
+KEPT_SLOPE = 0.99
 
 
 @dataclass(frozen=True)
@@ -321,7 +327,7 @@ def condition(
     detrend: int | None = None,
     shortest_wave: float | None = None,
     max_undefined: float = 0.05,
-    shape: Shape | None = None,
+    shape: Shape | Literal["auto"] | None = None,
     instrument: Instrument = UNKNOWN,
     shortest_wavelength: float | None = None,
 ) -> tuple[Surface, Conditioning]:
@@ -346,8 +352,9 @@ def condition(
         shorter than 8 measured pixels, give a `shape` with at least 8 pixels per wave.
     max_undefined : float
         Largest fraction of undefined points, from 0 to 1, that may be filled, including spikes.
-    shape : tuple of two int, optional
-        Number of points of the final grid. Default: as measured.
+    shape : tuple of two int or "auto", optional
+        Number of points of the final grid. Default: as measured. With "auto" the grid is that of a run, which is finer
+        if waves of less than 8 measured pixels have more than 1 % of the rms slope; see `default_points`.
     instrument : Instrument
         Limits of the instrument, if they are known.
     shortest_wavelength : float, optional
@@ -376,8 +383,12 @@ def condition(
     if shortest_wavelength is not None:
         warnings.warn("shortest_wavelength is shortest_wave now", DeprecationWarning, stacklevel=2)
         shortest_wave = shortest_wavelength
-    final_shape = topography.shape if shape is None else validate.grid("shape", shape)
-    if shortest_wave is not None:
+    if isinstance(shape, str) and shape != "auto":
+        raise InputError("shape", repr(shape), 'two numbers of points, "auto" or None')
+    final_shape = topography.shape
+    if shape is not None and not isinstance(shape, str):
+        final_shape = validate.grid("shape", shape)
+    if shortest_wave is not None and shape != "auto":
         # check the wave before any work, on the shortest patch and with the points that this patch will have
         patch = topography.shortest_patch
         columns = round(final_shape[1] * patch.shape[1] / topography.shape[1])
@@ -390,6 +401,8 @@ def condition(
     flat: Surface = first_patch
     if isinstance(topography, Patches):
         flat = topography.with_patches([patch for patch, _ in repaired])
+    if shape == "auto":
+        final_shape = default_points(flat, shortest_wave, instrument)
     return smooth(
         flat,
         first_repair.form,
@@ -506,6 +519,42 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
         scipy.fft.next_fast_len(ceil(length / pixel * (1 - SLACK)), real=True) for length in size
     )
     return n1, n2
+
+
+def default_points(level: Surface, shortest_wave: float | None, instrument: Instrument) -> Shape:
+    """Choose the numbers of grid points for a measured surface.
+
+    Waves must be at least 8 pixels long to be resolved. If nearly all of the rms slope is in such waves, the grid is
+    that of the measured pixels. Otherwise the grid is finer, so that it resolves the shortest measured wave, see
+    `resolving_shape`. A grid that was chosen in this way has at most `MOST_POINTS` points.
+
+    Parameters
+    ----------
+    level : Topography or Patches
+        Surface without undefined points.
+    shortest_wave : float or None
+        Wavelength of the filter [m]. If it is given, the grid must resolve this wave.
+    instrument : Instrument
+        Instrument with which the surface was measured.
+    """
+    wave_of_pixels = resolved_wave(
+        level.size, level.shape
+    )  # shortest wave that the measured pixels resolve
+    wave = shortest_wave  # wave that the grid must resolve
+    if wave is None:
+        # shortest wave above noise and within the limits of the instrument
+        measured = max(spectrum(level).shortest_wave, instrument.shortest_wave(level))
+        slope_on_pixels = level.rms_slope_of_long_waves(wave_of_pixels)
+        slope = level.rms_slope_of_long_waves(measured)
+        wave = wave_of_pixels if slope_on_pixels >= KEPT_SLOPE * slope else measured
+    if wave >= wave_of_pixels and level.heights.size <= MOST_POINTS:
+        return level.shape
+    # a finer grid or, if there are too many pixels, a coarser one
+    points = resolving_shape(level.size, min(wave, wave_of_pixels), most=MOST_POINTS)
+    if shortest_wave is not None and resolved_wave(level.size, points) > wave:
+        # the limit of the number of points does not apply to a wave that the user has chosen
+        return resolving_shape(level.size, wave)
+    return points
 
 
 def check_wave(wave: float, size: Pair, shape: Shape) -> float:

@@ -10,6 +10,8 @@ are replaced by triangles of equal area. Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, 
 Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk), ISO 21920-3 (cut-offs), ISO 16610-21 and 16610-61 (filters).
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import atan, log, nan, pi, sqrt
 from typing import Any, NamedTuple

@@ -6,6 +6,8 @@ numbers k = (k1, k2) on the periods L1, L2 has q = 2π(k1/L1, k2/L2). Sources: P
 nose. The cusps between the passes have the height pitch²/8r.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np

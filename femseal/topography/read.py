@@ -5,6 +5,8 @@ points. The mask has the same orientation as the heights in their file. A line o
 axis of the file, and the first line is at the first y; NumPy arrays are not transposed.
 """
 
+from __future__ import annotations
+
 import logging
 import os
 from collections.abc import Iterator

@@ -9,6 +9,8 @@ the spectrum has a plateau, the longest wave is the roll-off wavelength. Otherwi
 to 0.30 of the roll-off wavelength on self-affine patches that contain 3 to 5 waves of this length.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
 from math import exp, inf, isfinite, log1p, nan, pi, sqrt
 from typing import Any

@@ -1,5 +1,6 @@
 """The documentation names what there is, and all of it; `.ci/run` builds it."""
 
+import inspect
 import re
 import subprocess
 import sys
@@ -28,6 +29,22 @@ def test_every_public_name_is_in_the_reference_once():
         sorted(re.findall(r"auto(?:class|function):: femseal\.(\w+)(?![\w.])", text))
         == femseal.__all__
     )
+
+
+def test_signatures_can_be_read():
+    """`help` and notebooks show them; the types of numpy would fill lines."""
+    values = {name: getattr(femseal, name) for name in femseal.__all__ if name != "Case"}
+    is_error = {
+        name: isinstance(v, type) and issubclass(v, Exception) for name, v in values.items()
+    }
+    signatures = {
+        name: str(inspect.signature(value))
+        for name, value in values.items()
+        if callable(value) and not is_error[name]
+    }
+    long = [name for name, text in signatures.items() if "ndarray[" in text or "_Buffer" in text]
+    assert len(signatures) > 40
+    assert long == []
 
 
 #: Looks every dotted name up as where nothing but the package itself has been imported.

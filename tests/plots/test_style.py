@@ -221,6 +221,28 @@ def test_a_narrow_ring_has_streamlines_and_its_path():
     assert_allclose(np.arctan2(*path.T), np.arctan2(*middle[20]), atol=0.05)
 
 
+def test_no_streamline_leaves_the_seal():
+    """The tiles are large triangles between two hexagons, and the flow is radial."""
+    outer = np.stack([f(np.arange(7) * np.pi / 3) for f in (np.cos, np.sin)], axis=1)
+    inner = 0.8 * outer
+    corners = np.concatenate(
+        [
+            np.stack([inner[:-1], outer[:-1], outer[1:]], axis=1),
+            np.stack([inner[:-1], outer[1:], inner[1:]], axis=1),
+        ]
+    )
+    axes = Figure(figsize=(3, 3)).add_axes((0, 0, 1, 1))
+    axes.set(xlim=(-1, 1), ylim=(-1, 1))
+    draw_streamlines(axes, corners, corners.mean(axis=1), "white")
+    x, y = np.concatenate(axes.collections[0].get_segments()).T
+    normals = (np.arange(6) + 0.5) * np.pi / 3
+    distance = (np.cos(normals)[:, None] * x + np.sin(normals)[:, None] * y).max(axis=0)
+    apothem, pixel = np.cos(np.pi / 6), 2 / 160
+    assert len(x) > 50
+    assert distance.min() > 0.8 * apothem - 3 * pixel
+    assert distance.max() < apothem + 3 * pixel
+
+
 # --- formats ----------------------------------------------------------------------------------------------
 
 

@@ -8,7 +8,8 @@ from small_cases import HARDENED
 import femseal as fs
 from femseal.budget.versions import without_filtered_waves
 from femseal.case import parse_case
-from femseal.preparation import prepare, surface
+from femseal.preparation import prepare
+from femseal.topography import conditioning as grids
 
 
 @pytest.fixture
@@ -45,8 +46,21 @@ def test_the_default_grid_resolves_the_shortest_measured_wave(case):
     assert of_grid(prepared) == []
 
 
+def test_condition_can_choose_the_grid_of_a_run(case, tmp_path):
+    prepared = prepare(case())
+    face = fs.read_topography(tmp_path / "face.npz", periodic=(True, True))
+    surface, conditioning = fs.condition(face, detrend=0, spikes=np.inf, shape="auto")
+    assert conditioning.shape == prepared.conditioning.shape
+    assert_allclose(surface.heights, prepared.scene.surface.heights, atol=1e-15)
+    # on the pixels of the map, the filter removes a large part of the slope
+    coarse, _ = fs.condition(face, detrend=0, spikes=np.inf)
+    assert coarse.rms_slope < 0.9 * surface.rms_slope
+    with pytest.raises(fs.InputError, match="auto"):
+        fs.condition(face, shape="fine")
+
+
 def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
-    monkeypatch.setattr(surface, "MOST_POINTS", 20_000)
+    monkeypatch.setattr(grids, "MOST_POINTS", 20_000)
     prepared = prepare(case())
     lost, shortest = prepared.conditioning.lost_slope, prepared.conditioning.shortest_measured
     assert_allclose(np.prod(prepared.scene.surface.shape), 20_000, rtol=0.15)

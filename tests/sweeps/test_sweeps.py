@@ -229,6 +229,27 @@ def test_table_of_a_sweep(swept):
     assert float(cells[0][2]) == pytest.approx(2 * float(cells[1][2]), rel=0.01)
 
 
+def test_dataset_of_a_sweep(swept, tmp_path):
+    """One dimension for each key; numbers are numbers, and runs of no sweep lie along `run`."""
+    _, comparison = swept
+    data = comparison.dataset()
+    names = [comparison.runs[0].leakage.name, "contact_fraction"]
+    for run, (hardness, viscosity) in zip(comparison.runs, comparison.settings, strict=True):
+        part = data.sel(hardness=hardness, viscosity=viscosity)
+        for name in names:
+            assert_allclose(part[name].values, run.dataset[name].values)
+    assert data["contact_fraction"].attrs == comparison.runs[0].dataset["contact_fraction"].attrs
+    assert data["nominal_pressure"].values.tolist() == [5e7, 3e8, 1e8]
+    two = fs.compare({"a": comparison.runs[0], "b": comparison.runs[3]}).dataset()
+    assert two["run"].values.tolist() == ["a", "b"]
+    assert_allclose(two[names[0]].sel(run="b").values, comparison.runs[3].leakage.values)
+    numbers = replace(
+        comparison, keys=("seed",), settings=tuple((str(n),) for n in range(1, 5))
+    ).dataset()
+    assert numbers["seed"].values.tolist() == [1, 2, 3, 4]
+    assert_allclose(numbers[names[0]].sel(seed=2).values, comparison.runs[1].leakage.values)
+
+
 def test_picture_of_a_sweep(swept):
     folder, found = swept
     assert matplotlib.image.imread(folder / "sweep.png").shape[1] > 1000
