@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 
 from femseal.base import InputError
@@ -13,14 +12,14 @@ OIL = Liquid(viscosity=0.05, density=870.0, pressure_viscosity=20e-9)
 FLUIDS = [AIR, OIL, Liquid(1e-3), RoelandsLiquid(0.05, 20e-9)]
 
 
-@each("fluid", FLUIDS)
+@pytest.mark.parametrize("fluid", FLUIDS)
 def test_pressure_inverts_potential(fluid):
     p = np.array([0.0, 1.0, 1e5, 1e7, 3e8])
     assert_allclose(fluid.pressure(fluid.potential(p)), p, rtol=1e-9)
     assert fluid.potential(p).shape == p.shape
 
 
-@each("fluid", FLUIDS)
+@pytest.mark.parametrize("fluid", FLUIDS)
 def test_slope_of_the_potential_is_density_over_viscosity(fluid):
     p, dp = 2e7, 1e3
     slope = (fluid.potential(p + dp) - fluid.potential(p - dp)) / (2 * dp)
@@ -54,7 +53,7 @@ def test_reference_densities():
     assert Liquid(1e-3).reference_density == 1000.0
 
 
-@each("bad", [0.0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
 def test_properties_must_be_finite_and_positive(bad):
     with pytest.raises(InputError, match=r"^viscosity: given .*> 0 \[Pa·s\]"):
         Liquid(bad)
@@ -68,7 +67,7 @@ def test_properties_must_be_finite_and_positive(bad):
         IdealGas(1e-5, 0.029, bad)
 
 
-@each("bad", [-1e-9, np.nan, np.inf])
+@pytest.mark.parametrize("bad", [-1e-9, np.nan, np.inf])
 def test_pressure_viscosity_may_be_zero_but_not_negative(bad):
     with pytest.raises(InputError, match=r"^pressure_viscosity: given .*>= 0 \[1/Pa\]"):
         Liquid(1e-3, pressure_viscosity=bad)

@@ -4,7 +4,6 @@ import re
 import sys
 
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 from small_cases import CASE
 
@@ -46,7 +45,7 @@ def test_properties_at_other_temperatures_come_from_coolprop():
         named_fluid("grease")
 
 
-@each(
+@pytest.mark.parametrize(
     ("written", "fluid"),
     [
         ("carbon dioxide", "CarbonDioxide"),

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 
 from femseal.base import InputError
@@ -31,7 +30,7 @@ def boltzmann_flow_rate(thickness, cells):
     return ((ψ - 1) * width).sum() / thickness**2
 
 
-@each(
+@pytest.mark.parametrize(
     ("d", "known"),
     [
         (0.001, None),
@@ -95,7 +94,7 @@ def test_without_slip_the_factor_is_one():
         IdealGas(1e-5, 0.029, 293.0, slip="no")
 
 
-@each(
+@pytest.mark.parametrize(
     ("gap", "pressure", "name"),
     [(-1e-9, 1e5, "gap"), (np.nan, 1e5, "gap"), (1e-6, -1.0, "pressure")],
 )

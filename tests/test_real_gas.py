@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 from small_cases import CASE, steel_scene
@@ -41,7 +40,7 @@ def by_quadrature(name, temperature, pressure):
 
 
 @needs_coolprop
-@each(
+@pytest.mark.parametrize(
     ("name", "temperature", "highest"),
     [
         ("nitrogen", 293.15, 1e8),
@@ -62,7 +61,7 @@ def test_potential_agrees_with_a_quadrature(name, temperature, highest):
 
 
 @needs_coolprop
-@each("name", ["nitrogen", "hydrogen", "methane"])
+@pytest.mark.parametrize("name", ["nitrogen", "hydrogen", "methane"])
 def test_a_dense_gas_agrees_with_a_quadrature_and_a_thin_one_is_ideal(name):
     real = fs.RealGas(name)
     assert_allclose(real.potential(7e7), by_quadrature(name, 293.15, 7e7), rtol=1e-6)
@@ -141,7 +140,7 @@ def test_a_vapour_just_below_saturation_is_a_gas():
 
 
 @needs_coolprop
-@each(
+@pytest.mark.parametrize(
     ("call", "said"),
     [
         (
@@ -220,7 +219,9 @@ def test_a_real_test_gas_has_the_limits_of_the_ideal_gas_at_low_pressure():
 
 
 @needs_coolprop
-@each("name", [name for name, fluid in TABLE.items() if fluid.kind == "ideal-gas"])
+@pytest.mark.parametrize(
+    "name", [name for name, fluid in TABLE.items() if fluid.kind == "ideal-gas"]
+)
 def test_the_error_of_the_ideal_gas_law_agrees_with_the_potentials(name):
     gas = fs.IdealGas(**TABLE[name].parameters)
     for inlet in (2e6, 7e7):
@@ -252,7 +253,7 @@ def ideal(viscosity, molar_mass, temperature=293.15):
 
 
 @needs_coolprop
-@each(
+@pytest.mark.parametrize(
     ("gas", "inlet", "name", "said"),
     [
         (ideal(14.7, 44.01), 55e5, "CO2", "as CarbonDioxide, which it seems to be"),
@@ -270,7 +271,7 @@ def test_the_real_gas_of_an_ideal_gas_is_recognised(gas, inlet, name, said):
 
 
 @needs_coolprop
-@each(
+@pytest.mark.parametrize(
     ("gas", "inlet", "said"),
     [
         (ideal(14.7, 44.01), 60e5, "CarbonDioxide, which condenses at 5.729 MPa and 20 °C"),
@@ -291,7 +292,7 @@ def test_a_reason_is_given_if_the_error_of_an_ideal_gas_is_unknown(gas, inlet, s
 
 
 @needs_coolprop
-@each(
+@pytest.mark.parametrize(
     ("gas", "inlet"),
     [
         (ideal(14.7, 44.01), 1.9e5),

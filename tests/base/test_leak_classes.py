@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 from small_cases import STRIP, steel_scene
 
@@ -68,7 +67,7 @@ def test_limits_of_fci_70_2_agree_with_its_tables():
         assert_allclose(limit("FCI 70-2 VI", air, seat * 1e-3), rate * 1e-6 / 60)
 
 
-@each(
+@pytest.mark.parametrize(
     ("written", "fluid", "diameter", "said"),
     [
         ("FCI 70-2 VI", NITROGEN, 0.5, "nominal_diameter: given 0.5 for the class .*400 mm"),
@@ -94,7 +93,7 @@ def test_limits_of_iso_15848_1_are_per_circumference_of_the_stem():
         assert_allclose(found * cold.reference_density, np.pi * 0.02 * amount * 1e-6, rtol=2e-3)
 
 
-@each(
+@pytest.mark.parametrize(
     ("written", "names"),
     [
         ("l0.01", ["L0.01"]),
@@ -115,7 +114,9 @@ def test_classes_are_found_by_their_usual_spellings(written, names):
     assert [one.name for one in leak_classes([written])] == names
 
 
-@each("written", ["L2", "", "ISO 5208 H", "5 furlong", "mL/min", "-1 mL/min", "1e999 mL/min", 3])
+@pytest.mark.parametrize(
+    "written", ["L2", "", "ISO 5208 H", "5 furlong", "mL/min", "-1 mL/min", "1e999 mL/min", 3]
+)
 def test_unknown_names_of_classes_are_refused(written):
     with pytest.raises(InputError, match=r"classes: given .*TA Luft"):
         leak_classes([written])
@@ -267,7 +268,7 @@ def test_a_test_fluid_has_as_many_realisations_as_the_service_fluid():
     assert_allclose(results.dataset["test_leakage_realisations"], same, rtol=1e-12)
 
 
-@each(
+@pytest.mark.parametrize(
     ("output", "fault"),
     [
         ({"classes": ["L2"]}, r"output\.classes\.0: given 'L2', expected 'L1'"),

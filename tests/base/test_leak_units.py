@@ -4,7 +4,6 @@ import re
 from dataclasses import replace
 
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 from small_cases import steel_scene
 
@@ -23,14 +22,14 @@ AIR = fs.IdealGas(viscosity=18e-6, molar_mass=29e-3, temperature=293.15)
 KNOWN = [unit for unit in LEAK_UNITS.values() if unit.kind in SI]
 
 
-@each("unit", KNOWN)
+@pytest.mark.parametrize("unit", KNOWN)
 def test_values_of_units_agree_with_a_library_of_units(unit):
     text = unit.name.replace("·", "*").replace("²", "^2").replace("³", "^3").replace("µ", "u")
     kind = SI[unit.kind] + ("/m" if unit.per_length else "")
     assert_allclose(unit.si, to_si(f"1 {text}", kind), rtol=1e-9)
 
 
-@each(
+@pytest.mark.parametrize(
     ("written", "name"),
     [
         ("mL/(min*m)", "mL/(m·min)"),
@@ -80,7 +79,7 @@ def test_spellings_of_a_unit_are_recognised(written, name):
     assert leak_unit(written).name == name
 
 
-@each(
+@pytest.mark.parametrize(
     ("written", "said"),
     [
         ("ccm", "cm³/min for a volume per minute, or sccm for one at 0 °C"),
@@ -93,7 +92,7 @@ def test_ambiguous_units_are_refused_with_advice(written, said):
         leak_unit(written)
 
 
-@each("stated", [0.0, -26.85, float("nan")])
+@pytest.mark.parametrize("stated", [0.0, -26.85, float("nan")])
 def test_a_temperature_below_absolute_zero_is_refused(stated):
     with pytest.raises(
         InputError, match=r"^given_temperature: given .*expected a finite number > 0"
@@ -101,7 +100,9 @@ def test_a_temperature_below_absolute_zero_is_refused(stated):
         leak_basis(AIR, 1.0, stated)
 
 
-@each("written", ["furlong", "", "m", "mL", 3, "mL/min/m/m", "mL/(m·m)", "mL?/min", "s/mL"])
+@pytest.mark.parametrize(
+    "written", ["furlong", "", "m", "mL", 3, "mL/min/m/m", "mL/(m·m)", "mL?/min", "s/mL"]
+)
 def test_unknown_units_are_refused(written):
     with pytest.raises(InputError, match=r"leakage_unit: given .*mL/min"):
         leak_unit(written)
@@ -120,7 +121,7 @@ def test_a_leakage_is_the_same_in_all_units():
     assert not any("Pa" in name or "mbar" in name or "std" in name for name in per)
 
 
-@each(
+@pytest.mark.parametrize(
     ("basis", "unit", "said"),
     [
         (LeakBasis(0.5, 800.0), "mbar·L/s", "mbar·L/s for a liquid"),
@@ -159,7 +160,9 @@ PUBLISHED = [
 ]
 
 
-@each(("value", "unit", "molar_mass", "stated", "expected", "other", "rtol"), PUBLISHED)
+@pytest.mark.parametrize(
+    ("value", "unit", "molar_mass", "stated", "expected", "other", "rtol"), PUBLISHED
+)
 def test_conversions_agree_with_published_values(
     value, unit, molar_mass, stated, expected, other, rtol
 ):

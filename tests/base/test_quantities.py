@@ -1,7 +1,6 @@
 """Quantities as text: units in, SI out, and everything ambiguous refused."""
 
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 
 from femseal.base import InputError, to_si, to_text
@@ -9,7 +8,7 @@ from femseal.base import InputError, to_si, to_text
 PSI = 6894.757293168361
 
 
-@each(
+@pytest.mark.parametrize(
     ("text", "unit", "value"),
     [
         ("210 GPa", "Pa", 210e9),
@@ -70,7 +69,7 @@ def test_texts_with_units_are_converted_to_si(text, unit, value):
     assert_allclose(to_si(text, unit), value, rtol=1e-12)
 
 
-@each(
+@pytest.mark.parametrize(
     ("text", "said"),
     [
         ("1,5 Pa", "expected a number with a decimal point and no comma"),
@@ -92,13 +91,15 @@ def test_a_similar_unit_is_suggested(text, said):
         to_si(text, "Pa", "load")
 
 
-@each("text", ["-300 °C", "-273.2 degC", "-1 K", "-500 °F", "-459.7 fahrenheit", "-1 mK", "-1 °R"])
+@pytest.mark.parametrize(
+    "text", ["-300 °C", "-273.2 degC", "-1 K", "-500 °F", "-459.7 fahrenheit", "-1 mK", "-1 °R"]
+)
 def test_no_temperature_is_below_absolute_zero(text):
     with pytest.raises(InputError, match=r"^seal: given .*not below absolute zero, -273\.15 °C"):
         to_si(text, "K", "seal")
 
 
-@each(
+@pytest.mark.parametrize(
     ("given", "unit"),
     [
         (210e9, "Pa"),  # a bare number
@@ -131,14 +132,14 @@ NO_UNITS = ("(", "'''", "m\\", "m (", "m * ", "[m]", "m; m", "m\x00", "m\nm", "*
             "a b c d e f g", "m" * 1000, "(" * 1000, "m*" * 500 + "m")  # fmt: skip
 
 
-@each("unit", NO_UNITS)
+@pytest.mark.parametrize("unit", NO_UNITS)
 def test_text_that_is_no_unit_is_refused(unit):
     with pytest.raises(InputError, match=r"^width: given .*, expected ") as error:
         to_si(f"1 {unit}", "m", "width")
     assert len(str(error.value)) < 300
 
 
-@each(
+@pytest.mark.parametrize(
     ("value", "unit", "text"),
     [
         (999.9999999999999e6, "Pa", "1 GPa"),
@@ -151,6 +152,6 @@ def test_values_are_written_with_a_readable_prefix(value, unit, text):
     assert to_text(value, unit) == text
 
 
-@each("value", [2.5e9, 1.25e-6, 3.0, -4e-3])
+@pytest.mark.parametrize("value", [2.5e9, 1.25e-6, 3.0, -4e-3])
 def test_written_values_are_read_back(value):
     assert_allclose(to_si(to_text(value, "m"), "m"), value, rtol=1e-12)

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 from scipy.stats import binom, norm, qmc
 from small_cases import CALIBRATED as CASE
@@ -176,7 +175,7 @@ def test_rows_of_a_test_are_steps_of_the_case(case, tmp_path):
 HARDENS = 'hardness_table = [["0 um", "3 GPa"], ["1 um", "2 GPa"]]'
 
 
-@each(
+@pytest.mark.parametrize(
     ("text", "options", "what"),
     [
         (CASE, {"hardness": ("4 GPa", "2 GPa")}, "hardness"),
@@ -236,7 +235,7 @@ BAD = [
 ]
 
 
-@each("text, said", BAD)
+@pytest.mark.parametrize(("text", "said"), BAD)
 def test_a_bad_test_is_refused_by_its_line(text, said, case, tmp_path):
     with pytest.raises(fs.InputError) as error:
         read_leak_test(written(tmp_path, text), fs.load_case(case))

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 from small_cases import template_cases
 
@@ -120,7 +119,7 @@ def test_a_fluid_by_its_name(data):
     assert parse_case(data).fluid.fluid == fs.RoelandsLiquid(2e-3, 1e-9, 998.21)
 
 
-@each("method", ["deterministic", "two-scale", "stochastic", "auto"])
+@pytest.mark.parametrize("method", ["deterministic", "two-scale", "stochastic", "auto"])
 def test_face_material_load_and_fluid_are_a_case(data, method):
     """Two scales get cells of eight shortest waves or more a side, seals two a side and the length of the face."""
     face = data["face"] | {"points": [128, 200], "size": ["60 um", "90 um"]}
@@ -132,7 +131,7 @@ def test_face_material_load_and_fluid_are_a_case(data, method):
         assert prepared.sampling.realisations is None
 
 
-@each(
+@pytest.mark.parametrize(
     ("old", "new", "said"),
     [
         ("yield_stress", "yeild_stress", "yeild_stress: .*perhaps meant: yield_stress (line LINE)"),
@@ -276,7 +275,7 @@ class TestPrepare:
         assert level.conditioning.shortest_wave == 15e-6
         assert level.conditioning.removed_curvature != curved.conditioning.removed_curvature
 
-    @each(
+    @pytest.mark.parametrize(
         ("table", "cells"),
         [
             ({"size": "25 um"}, (2, 5)),  # 60 and 120 µm: 2.4 and 4.8
@@ -445,7 +444,7 @@ def test_a_second_face_is_laid_on_the_first(tmp_path, two_faces):
     assert_allclose(prepared.conditioning.undefined_fraction, holes)
 
 
-@each(
+@pytest.mark.parametrize(
     ("face", "keys", "said"),
     [
         (

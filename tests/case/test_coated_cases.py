@@ -4,7 +4,6 @@ import copy
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 
 import femseal as fs
@@ -67,8 +66,8 @@ def test_without_a_coating_it_is_a_number():
     assert case_of().modulus == fs.contact_modulus(*case_of().solids)
 
 
-@each(
-    "coating, key, expected",
+@pytest.mark.parametrize(
+    ("coating", "key", "expected"),
     [
         ({"name": "silver, annealed"}, "coating.thickness", ""),
         ({"name": "silverr", "thickness": "1 um"}, "coating.name", "silver, annealed"),
@@ -109,7 +108,7 @@ def test_a_thick_coating_leaks_as_its_metal_and_a_thin_one_lies_between():
     assert np.all(plated < 0.8 * bare)
 
 
-@each("method", ["two-scale", "stochastic"])
+@pytest.mark.parametrize("method", ["two-scale", "stochastic"])
 def test_every_study_takes_a_coating(method):
     data = copy.deepcopy(CASE) | {"method": method}
     data["cells"] = {"count": [2, 2]}
@@ -169,7 +168,7 @@ class Counted(fs.CoatedLaw):
         return super().yield_pressure(deformation)
 
 
-@each("thickness, most", [(20e-6, 0.02), (5e-7, 20.0)])
+@pytest.mark.parametrize(("thickness", "most"), [(20e-6, 0.02), (5e-7, 20.0)])
 def test_a_coating_costs_no_evaluation_at_points_that_stay_in_it(thickness, most):
     face = fs.self_affine((64, 64), (64e-6, 64e-6), hurst=0.8, rms_slope=0.1, rng=3, roll_off=2e-5)
     body = fs.Coated(*(fs.named_solid(n) for n in ("Inconel 718, aged", "silver, annealed")), 2e-5)
@@ -212,8 +211,8 @@ def test_unloading_from_a_coating_is_that_of_its_metal_until_it_is_through():
             assert_allclose(half.gap, metal.gap, rtol=0, atol=1e-9 * np.ptp(gap0))
 
 
-@each("thickness", [2e-7, 2e-6, 2e-5])
-@each("pressure", [150e6, 200e6, 590e6])
+@pytest.mark.parametrize("thickness", [2e-7, 2e-6, 2e-5])
+@pytest.mark.parametrize("pressure", [150e6, 200e6, 590e6])
 def test_a_pressure_above_the_hardness_of_the_coating_presses_all_of_it_aside(thickness, pressure):
     solids = fs.Solid(200e9, 0.3, hardness=600e6), fs.Solid(80e9, 0.37, hardness=150e6)
     body = fs.Coated(*solids, thickness)

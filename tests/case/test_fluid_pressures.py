@@ -4,7 +4,6 @@ import json
 import re
 
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 from small_cases import CASE
 
@@ -26,7 +25,7 @@ def case_of(folder, table, more=""):
     return path
 
 
-@each(
+@pytest.mark.parametrize(
     ("text", "value"),
     [
         ("10 bar(g)", 1e6 + ATMOSPHERE),
@@ -55,7 +54,7 @@ def test_what_a_pressure_is_counted_from(text, value):
         to_si(text, "Pa", "load")
 
 
-@each(
+@pytest.mark.parametrize(
     "text",
     [
         "10 bar",
@@ -75,7 +74,7 @@ def test_what_says_neither(text):
     assert absolute_pressure(text, ATMOSPHERE) is None
 
 
-@each(
+@pytest.mark.parametrize(
     ("text", "said"),
     [
         (
@@ -99,7 +98,7 @@ def ends(case):
     return case.fluid.inlet_pressure, case.fluid.outlet_pressure
 
 
-@each(
+@pytest.mark.parametrize(
     ("keys", "wanted"),
     [
         ('inlet_pressure = "10 bar(g)"', (1e6 + ATMOSPHERE, ATMOSPHERE)),
@@ -153,7 +152,7 @@ def test_pressures_of_several_inlets_of_a_mesh_say_what_to_do_instead():
         parse_case({"seal": seal})
 
 
-@each(
+@pytest.mark.parametrize(
     ("table", "said"),
     [
         (WATER + '"-2 bar(g)"\n', r"fluid.inlet_pressure: given '-2 bar\(g\)'"),
@@ -192,7 +191,7 @@ def test_the_schema_knows_gauge_pressures():
     assert re.match(inlet["pattern"], "10 barg")
 
 
-@each(
+@pytest.mark.parametrize(
     ("keys", "viscosity"),
     [
         ('kind = "liquid"\nviscosity = "46 cSt"\ndensity = "870 kg/m^3"', 46e-6 * 870),

@@ -1,7 +1,6 @@
 """Solids of a case: metals by their name, hardness as a curve or from a file, and which of two faces yields."""
 
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 from small_cases import HARDENED as CASE
 
@@ -35,7 +34,7 @@ def test_ten_metals_have_values_and_sources():
         assert fs.named_solid(name.upper()) is solid
 
 
-@each(
+@pytest.mark.parametrize(
     ("given", "nearest"),
     [("copper", "copper, soft"), ("coper, soft", "copper, soft"), ("304", "steel 304/316, annealed"),
      ("inconel", "Inconel 718, aged"), ("316L", "steel 304/316, annealed"), ("AlMg 6061", "aluminium 6061-T6")],
@@ -62,7 +61,7 @@ def test_another_ratio_of_hardness_to_yield_stress():
     assert_allclose(layer.hardness, 2.3 * 54e6)
 
 
-@each("keys", [{"hardness": "1 GPa"}, {"hardness_table": ROWS}, {}])
+@pytest.mark.parametrize("keys", [{"hardness": "1 GPa"}, {"hardness_table": ROWS}, {}])
 def test_a_ratio_of_hardness_to_yield_stress_needs_a_yield_stress(keys):
     with pytest.raises(fs.InputError, match="hardness_over_yield with a yield_stress"):
         case(YOUNG | {"hardness_over_yield": 2.3} | keys)
@@ -79,7 +78,7 @@ def test_a_value_far_from_that_of_the_name_is_warned_of():
     assert "named_warnings" not in {*odd.echo(), *case_schema()["properties"]}
 
 
-@each(
+@pytest.mark.parametrize(
     ("keys", "law"),
     [
         ({"hardness_table": ROWS}, HardnessTable([0, 0.5e-6, 2e-6], [1e9, 1.4e9, 1.6e9])),
@@ -128,7 +127,7 @@ def test_the_softer_face_yields():
         assert fs.run(made).dataset.attrs["solids"].endswith(said)
 
 
-@each(
+@pytest.mark.parametrize(
     ("keys", "words"),
     [
         (

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pyfftw
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 
 from femseal.base import InputError
@@ -31,9 +30,9 @@ def applied(half_space):
     return np.array([product(way, p).ravel() for p in unit]).T
 
 
-@each("shape", SIZES)
-@each("boundary", PAIRS)
-@each("spacing", [(1e-6, 1e-6), (1e-6, 7e-6), (3e-5, 1e-6)])
+@pytest.mark.parametrize("shape", SIZES)
+@pytest.mark.parametrize("boundary", PAIRS)
+@pytest.mark.parametrize("spacing", [(1e-6, 1e-6), (1e-6, 7e-6), (3e-5, 1e-6)])
 def test_every_boundary_pair_against_a_dense_reference(boundary, shape, spacing, dense_operator):
     half_space = HalfSpace(shape, spacing, E, boundary)
     ours, reference = applied(half_space), dense_operator(half_space)
@@ -50,7 +49,7 @@ def test_free_centre_of_a_uniform_square():
     assert_allclose(u[n // 2, n // 2], exact, rtol=1e-13)
 
 
-@each(
+@pytest.mark.parametrize(
     "boundary", [("free", "periodic"), ("free", "mirror"), ("periodic", "free"), ("mirror", "free")]
 )
 def test_strip_under_uniform_lines_is_plane_strain(boundary):
@@ -70,7 +69,7 @@ def test_strip_under_uniform_lines_is_plane_strain(boundary):
     assert_allclose(u - u[0, 0], expected - line[0], rtol=0, atol=1e-12 * np.ptp(line))
 
 
-@each("boundary", PAIRS)
+@pytest.mark.parametrize("boundary", PAIRS)
 def test_symmetric_and_positive(boundary):
     k = applied(HalfSpace((11, 8), (1e-6, 2.5e-6), E, boundary))
     assert_allclose(k, k.T, rtol=0, atol=1e-12 * np.abs(k).max())
@@ -81,7 +80,7 @@ def test_symmetric_and_positive(boundary):
     assert boundary != ("free", "free") or np.linalg.eigvalsh(k).min() > 0
 
 
-@each("kind", ["periodic", "mirror"])
+@pytest.mark.parametrize("kind", ["periodic", "mirror"])
 def test_single_waves_respond_with_two_over_modulus_times_wave_number(kind):
     n, d = np.array([24, 30]), np.array([1e-6, 2e-6])
     half_space = HalfSpace(tuple(n), tuple(d), E, kind)
@@ -92,8 +91,8 @@ def test_single_waves_respond_with_two_over_modulus_times_wave_number(kind):
         assert_allclose(u, 2 / (E * np.hypot(*q)) * wave, rtol=0, atol=1e-13 * np.abs(u).max())
 
 
-@each("boundary", PAIRS)
-@each("shape", [*SIZES, (36, 50), (125, 40)])
+@pytest.mark.parametrize("boundary", PAIRS)
+@pytest.mark.parametrize("shape", [*SIZES, (36, 50), (125, 40)])
 def test_large_grids_have_the_products_of_small_ones(shape, boundary, monkeypatch):
     """Threads share rows and columns, and change no bits."""
     body = HalfSpace(shape, (1e-6, 2e-6), E, boundary)
@@ -112,9 +111,9 @@ def product(way, pressure):
     return way.displacement.copy()
 
 
-@each("boundary", PAIRS)
-@each(("dtype", "error"), [(np.float64, 1e-14), (np.float32, 1e-5)])
-@each("large", WAYS)
+@pytest.mark.parametrize("boundary", PAIRS)
+@pytest.mark.parametrize(("dtype", "error"), [(np.float64, 1e-14), (np.float32, 1e-5)])
+@pytest.mark.parametrize("large", WAYS)
 def test_two_workspaces_in_the_same_memory(large, boundary, dtype, error, monkeypatch):
     monkeypatch.setattr(convolution, "LARGE", large)
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
@@ -129,7 +128,7 @@ def test_two_workspaces_in_the_same_memory(large, boundary, dtype, error, monkey
             assert_allclose(found, u, rtol=0, atol=rtol * np.abs(u).max())
 
 
-@each(
+@pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"shape": (0, 4)}, ["shape", "(0, 4)", ">= 1"]),

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from contact_checks import least_energy
-from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq, root
@@ -26,7 +25,7 @@ LAWS = [TABLE, SOFT, SofterOf(LinearHardening(0.2 * H, 0.02 * STIFF), PerfectlyP
 LINE = LinearHardening(0.3 * H, 0.5 * STIFF)
 
 
-@each("law", [TABLE, HardnessTable([1e-8, 1e-7], [0.5 * H, H])])
+@pytest.mark.parametrize("law", [TABLE, HardnessTable([1e-8, 1e-7], [0.5 * H, H])])
 def test_a_flat_face_yields_as_the_table_says(law):
     """Where every point carries the same pressure, H(u) is it: u by the inverse of the curve."""
     for fraction in (0.3, 0.95):
@@ -113,7 +112,7 @@ def test_a_step_in_the_table_is_solved_however_steep(width):
     assert np.any((p > 0.26 * H) & (p < 0.99 * H) & yields)
 
 
-@each(
+@pytest.mark.parametrize(
     ("depth", "hardness", "load"),
     [
         ([0, 0.27, 0.88, 1.36], [4.7, 7.0, 2.3, 4.3], 3e8),
@@ -159,7 +158,7 @@ def test_a_peak_is_kept_and_reloading_is_elastic(law):
     assert_allclose(again.gap, top.contact.gap, rtol=0, atol=1e-6 * np.ptp(gap))
 
 
-@each("smallest", [5e-8, 1e-8, 4e-9])
+@pytest.mark.parametrize("smallest", [5e-8, 1e-8, 4e-9])
 def test_a_law_that_falls_faster_than_the_pixels_are_stiff_is_solved(smallest):
     """Points that go through the steep part leave what they carried to others."""
     law = NixGao(1e9, 1e-6, smallest)
@@ -187,7 +186,7 @@ def test_the_softer_face_yields_and_where_curves_cross_the_softer_at_each_depth(
     assert solved(gap, rising, 0.15 * H).pressure.max() > 1.5 * H
 
 
-@each(
+@pytest.mark.parametrize(
     ("law", "given", "words"),
     [
         (HardnessTable, ([0.0], [H]), "hardness table: given 1 value of depth and 1 of hardness"),

@@ -5,7 +5,6 @@ import itertools
 import numpy as np
 import pytest
 from coated_block import block_compliance, with_ratio
-from each import each
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 from scipy.special import j0
@@ -27,7 +26,7 @@ def test_a_layer_of_the_material_of_its_substrate_changes_nothing():
     assert_allclose(layer_factor(body, np.geomspace(1e-6, 100, 60)), 1.0, rtol=1e-12)
 
 
-@each("ratio", [0.05, 0.4, 3.0, 20.0])
+@pytest.mark.parametrize("ratio", [0.05, 0.4, 3.0, 20.0])
 def test_thick_and_thin_layers(ratio):
     substrate, layer = with_ratio(ratio)
     body = fs.Coated(substrate, layer, 1.0)
@@ -45,7 +44,7 @@ def test_an_incompressible_layer_on_a_rigid_base():
     assert_allclose(layer_factor(body, np.array([1e-4])), 2e-12 / 3, rtol=1e-6)
 
 
-@each("poisson", [0.0, 0.3, 0.45])
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45])
 def test_a_thin_layer_on_a_rigid_base_is_compressed_uniaxially(poisson):
     # u = p d/M with the modulus M = E(1 − ν)/((1 + ν)(1 − 2ν)) of a layer that cannot widen
     layer = fs.Solid(3.0, poisson)
@@ -56,7 +55,7 @@ def test_a_thin_layer_on_a_rigid_base_is_compressed_uniaxially(poisson):
     assert_allclose(compliance, 1e-5 / confined, rtol=1e-6)
 
 
-@each("ratio", [0.25, 1.5, 5.0])
+@pytest.mark.parametrize("ratio", [0.25, 1.5, 5.0])
 def test_finite_elements_in_plane_strain(ratio):
     substrate, layer = with_ratio(ratio)
     for t in np.geomspace(0.05, 8.0, 10):
@@ -68,7 +67,7 @@ def test_finite_elements_in_plane_strain(ratio):
 # --- grids ------------------------------------------------------------------------------------------------
 
 
-@each("boundary", list(itertools.product(KINDS, KINDS)))
+@pytest.mark.parametrize("boundary", list(itertools.product(KINDS, KINDS)))
 def test_a_layer_of_the_same_material_on_any_grid(boundary):
     rng = np.random.default_rng(1)
     p = rng.random((9, 12))
@@ -79,8 +78,8 @@ def test_a_layer_of_the_same_material_on_any_grid(boundary):
     assert_allclose(v - v.mean(), u - u.mean(), rtol=0, atol=1e-12 * np.abs(u).max())
 
 
-@each("boundary", list(itertools.product(KINDS, KINDS)))
-@each("thickness, solid", [(1e-3, SILVER), (1e-12, STEEL)])
+@pytest.mark.parametrize("boundary", list(itertools.product(KINDS, KINDS)))
+@pytest.mark.parametrize(("thickness", "solid"), [(1e-3, SILVER), (1e-12, STEEL)])
 def test_thick_and_thin_layers_on_any_grid(boundary, thickness, solid):
     p = np.random.default_rng(2).random((8, 10))
     grid = (8, 10), (1e-6, 1e-6)
@@ -90,7 +89,7 @@ def test_thick_and_thin_layers_on_any_grid(boundary, thickness, solid):
     assert_allclose(v - v.mean(), u - u.mean(), rtol=0, atol=1e-4 * np.abs(u - u.mean()).max())
 
 
-@each("boundary", ["periodic", "mirror"])
+@pytest.mark.parametrize("boundary", ["periodic", "mirror"])
 def test_a_single_wave_is_that_of_the_kernel(boundary):
     n, d, thickness = 32, 1e-6, 4e-6
     body = fs.Coated(STEEL, SILVER, thickness)
@@ -120,7 +119,7 @@ def excess_at(body, x, y, d):
     return total
 
 
-@each("substrate", [STEEL, None, fs.Solid(10e9, 0.3)])
+@pytest.mark.parametrize("substrate", [STEEL, None, fs.Solid(10e9, 0.3)])
 def test_free_axes_have_the_integral_over_all_waves(substrate):
     d = 1e-6
     body = fs.Coated(substrate, SILVER, 3e-6)
@@ -134,9 +133,9 @@ def test_free_axes_have_the_integral_over_all_waves(substrate):
         assert_allclose(u[i, j], expected, rtol=1e-6)
 
 
-@each("order", [1, -1])
-@each("kind", ["periodic", "mirror"])
-@each("substrate", [STEEL, None])
+@pytest.mark.parametrize("order", [1, -1])
+@pytest.mark.parametrize("kind", ["periodic", "mirror"])
+@pytest.mark.parametrize("substrate", [STEEL, None])
 def test_a_wave_along_a_strip_has_the_integral_over_the_waves_across(order, kind, substrate):
     n1, n2, d = 24, 16, 1e-6
     body = fs.Coated(substrate, SILVER, 3e-6)
@@ -203,8 +202,8 @@ def test_a_wave_closes_at_the_pressure_of_westergaard_times_the_factor():
     assert open_gap.area_fraction < 1
 
 
-@each("boundary", ["periodic", "mirror", "free", ("free", "periodic")])
-@each(
+@pytest.mark.parametrize("boundary", ["periodic", "mirror", "free", ("free", "periodic")])
+@pytest.mark.parametrize(
     "pair",
     [
         (fs.Coated(STEEL, SILVER, 5e-6), STEEL),
@@ -231,8 +230,8 @@ def test_two_bodies_without_a_coating_are_their_contact_modulus():
     assert checked_modulus((None, SILVER)) == fs.contact_modulus(SILVER)
 
 
-@each(
-    "modulus, message",
+@pytest.mark.parametrize(
+    ("modulus", "message"),
     [
         ((None, None), "two rigid bodies"),
         ((STEEL,), "two bodies"),

@@ -5,7 +5,6 @@ import itertools
 import numpy as np
 import pytest
 from contact_checks import least_energy, residual
-from each import each
 from numpy.testing import assert_allclose
 
 from femseal import analytic
@@ -82,8 +81,10 @@ def test_hertz():
     assert_allclose(contact.gap[outside], exact, rtol=0, atol=2e-4 * exact.max())
 
 
-@each("boundary", [("periodic", "periodic"), ("mirror", "mirror"), ("mirror", "periodic")])
-@each("ratio", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize(
+    "boundary", [("periodic", "periodic"), ("mirror", "mirror"), ("mirror", "periodic")]
+)
+@pytest.mark.parametrize("ratio", [0.1, 0.5, 0.9])
 def test_westergaard_wave(boundary, ratio):
     λ, Δ = 1e-3, 1e-6
     p_full = analytic.wave_full_contact_pressure(E, Δ, λ)
@@ -122,7 +123,7 @@ def test_wave_in_full_contact_is_exact():
         assert_allclose(contact.approach, Δ, rtol=1e-9)
 
 
-@each(
+@pytest.mark.parametrize(
     ("ratio", "law", "tolerance"),
     [
         (0.97, analytic.wavy_contact_fraction_full, 5e-3),
@@ -139,9 +140,9 @@ def test_two_dimensional_wave_near_full_and_light_contact(ratio, law, tolerance)
     assert abs(contact.area_fraction - law(ratio)) < tolerance
 
 
-@each("boundary", [p for p in PAIRS if "free" not in p])
-@each("hardness", [np.inf, H])
-@each("shape", [(17, 20), (1, 1)])
+@pytest.mark.parametrize("boundary", [p for p in PAIRS if "free" not in p])
+@pytest.mark.parametrize("hardness", [np.inf, H])
+@pytest.mark.parametrize("shape", [(17, 20), (1, 1)])
 def test_flat_surface_carries_the_nominal_pressure_exactly(boundary, hardness, shape):
     body = HalfSpace(shape, (D, D), E, boundary)
     contact = solve_contact(np.full(shape, 3e-6), body, pressure=1e8, hardness=hardness)
@@ -164,7 +165,7 @@ def test_flat_punch_on_a_free_patch():
     assert_allclose(stiffness, 0.36678 * np.pi * E * 31 * D, rtol=0.02)
 
 
-@each("boundary", PAIRS)
+@pytest.mark.parametrize("boundary", PAIRS)
 def test_no_load_is_first_touch(boundary):
     h, body = rough((14, 11)), HalfSpace((14, 11), (D, D), E, boundary)
     contact = solve_contact(h, body, pressure=0, hardness=H)
@@ -174,7 +175,7 @@ def test_no_load_is_first_touch(boundary):
     assert not contact.plastic_deformation.any()
 
 
-@each("boundary", PAIRS)
+@pytest.mark.parametrize("boundary", PAIRS)
 def test_the_hardness_as_pressure_is_all_plastic(boundary, dense_operator):
     h, body = rough((8, 9)), HalfSpace((8, 9), (D, D), E, boundary)
     hardness = np.random.default_rng(1).uniform(0.5, 1.5, (8, 9)) * H
@@ -189,9 +190,9 @@ def test_the_hardness_as_pressure_is_all_plastic(boundary, dense_operator):
 # --- complementarity and an independent solver ---
 
 
-@each("boundary", [p for p in PAIRS if "free" not in p])
-@each("share", [0.01, 0.5, 0.99])
-@each("hardness", [H, np.inf])
+@pytest.mark.parametrize("boundary", [p for p in PAIRS if "free" not in p])
+@pytest.mark.parametrize("share", [0.01, 0.5, 0.99])
+@pytest.mark.parametrize("hardness", [H, np.inf])
 def test_complementarity_recomputed(boundary, share, hardness, spectral_displacement):
     shape, spacing = (90, 64), (D, 1.5 * D)
     h = rough(shape, spacing=spacing, seed=3)
@@ -210,8 +211,10 @@ def test_complementarity_recomputed(boundary, share, hardness, spectral_displace
     assert_allclose(left, np.where(contact.plastic, np.maximum(-g, 0), 0), **tiny)
 
 
-@each("boundary", PAIRS)
-@each(("share", "hardness"), [(0.03, np.inf), (0.03, 0.3 * H), (0.5, 0.3 * H), (0.9, "field")])
+@pytest.mark.parametrize("boundary", PAIRS)
+@pytest.mark.parametrize(
+    ("share", "hardness"), [(0.03, np.inf), (0.03, 0.3 * H), (0.5, 0.3 * H), (0.9, "field")]
+)
 def test_equals_an_independent_solver(boundary, share, hardness, dense_operator):
     shape, spacing = (6, 7), (D, 1.7 * D)
     body = HalfSpace(shape, spacing, E, boundary)
@@ -225,8 +228,8 @@ def test_equals_an_independent_solver(boundary, share, hardness, dense_operator)
     assert 0 < contact.area_fraction < 1 or share == 0.9
 
 
-@each("points", [3, 20, 200])
-@each("more", [1e-6, 1e-5, 1e-4])
+@pytest.mark.parametrize("points", [3, 20, 200])
+@pytest.mark.parametrize("more", [1e-6, 1e-5, 1e-4])
 def test_the_load_is_exact_where_hardly_any_is_left_beside_plastic_points(points, more):
     """What the last point carries is far below the residual allowed, but belongs to the load."""
     for seed in range(5):
@@ -245,7 +248,7 @@ def both(h, half_space, p=0.1 * H, hardness=H, rtol=1e-10, **other):
     return solve_contact(h, half_space, pressure=p, hardness=hardness, rtol=rtol, **other)
 
 
-@each(
+@pytest.mark.parametrize(
     ("mirror", "periodic"),
     [
         (("mirror", "mirror"), ("periodic", "periodic")),
@@ -253,7 +256,7 @@ def both(h, half_space, p=0.1 * H, hardness=H, rtol=1e-10, **other):
         (("mirror", "free"), ("periodic", "free")),
     ],
 )
-@each("shape", [(32, 24), (27, 31)])
+@pytest.mark.parametrize("shape", [(32, 24), (27, 31)])
 def test_mirror_equals_the_periodic_even_extension(mirror, periodic, shape):
     whole = h = rough(shape, seed=8)
     for axis, kind in enumerate(mirror):
@@ -266,7 +269,9 @@ def test_mirror_equals_the_periodic_even_extension(mirror, periodic, shape):
         assert_allclose(getattr(half, name), part, rtol=0, atol=1e-7 * size)
 
 
-@each("boundary", [("periodic", "periodic"), ("free", "free"), ("free", "periodic")])
+@pytest.mark.parametrize(
+    "boundary", [("periodic", "periodic"), ("free", "free"), ("free", "periodic")]
+)
 def test_an_offset_changes_the_approach_only(boundary):
     # in metres, with lengths of metres, so that an offset of 1e6 leaves ten digits of the heights
     h = rough((40, 30), spacing=(1.0, 1.0))
@@ -292,7 +297,9 @@ LAWS = {
 
 
 @pytest.mark.parametrize("law", LAWS)
-@each("boundary", [("periodic", "periodic"), ("free", "periodic"), ("mirror", "free")])
+@pytest.mark.parametrize(
+    "boundary", [("periodic", "periodic"), ("free", "periodic"), ("mirror", "free")]
+)
 def test_large_grids_change_digits_only_and_threads_not_even_these(law, boundary, monkeypatch):
     given = LAWS[law] | {"rtol": 1e-10}
     h, body = rough((96, 96)), HalfSpace((96, 96), (D, D), E, boundary)
@@ -356,8 +363,8 @@ def test_steps_become_monotone_where_active_sets_go_round_in_circles(monkeypatch
 # --- slender surfaces ---
 
 
-@each("shape", [(2, 32768), (1, 16384), (16384, 1), (40, 2048)])
-@each("hardness", [np.inf, 0.02 * E])
+@pytest.mark.parametrize("shape", [(2, 32768), (1, 16384), (16384, 1), (40, 2048)])
+@pytest.mark.parametrize("hardness", [np.inf, 0.02 * E])
 def test_slender_surfaces_take_no_more_products_than_their_length_needs(shape, hardness):
     """Two hundred where they took up to fourteen hundred."""
     h = rough(shape, 0.1, seed=1, cut=12)
@@ -366,8 +373,8 @@ def test_slender_surfaces_take_no_more_products_than_their_length_needs(shape, h
     assert contact.fft_pairs <= 1.4 * np.sqrt(max(shape))
 
 
-@each("kind", ["periodic", "mirror"])
-@each("rows", [2, 3])
+@pytest.mark.parametrize("kind", ["periodic", "mirror"])
+@pytest.mark.parametrize("rows", [2, 3])
 def test_a_profile_is_the_surface_that_repeats_it(kind, rows):
     h = rough((1, 4096), 0.1, seed=2)
     given = {"pressure": 0.001 * E, "hardness": 0.02 * E, "rtol": 1e-9}
@@ -396,7 +403,7 @@ def test_corrected_area_of_spheres_is_nearer_to_hertz():
     assert abs(np.mean(corrected)) < 0.4 * np.mean(raw)
 
 
-@each("boundary", PAIRS)
+@pytest.mark.parametrize("boundary", PAIRS)
 def test_correction_counts_the_sides_between_contact_and_gap(boundary):
     shape = (13, 9)
     body = HalfSpace(shape, (D, D), E, boundary)
@@ -430,7 +437,7 @@ def test_area_of_light_elastic_contact_grows_with_the_load_between_two_theories(
 # --- edges ---
 
 
-@each("boundary", PAIRS)
+@pytest.mark.parametrize("boundary", PAIRS)
 def test_a_spike_carries_all(boundary):
     h = np.full((33, 40), 1e-3)
     h[10, 11] = 0.0
@@ -453,8 +460,8 @@ def test_almost_full_contact(spectral_displacement):
     assert_allclose(closed.pressure, full + closed.mean_pressure, rtol=0, atol=1e-8 * full.max())
 
 
-@each("shape", [(97, 97), (64, 131), (80, 80)])
-@each("share", [0.995, 1 - 1e-9, 1 - 2e-12])
+@pytest.mark.parametrize("shape", [(97, 97), (64, 131), (80, 80)])
+@pytest.mark.parametrize("share", [0.995, 1 - 1e-9, 1 - 2e-12])
 def test_just_below_the_hardness(shape, share):
     """Also where the odd last row is soft: the mean hardness of a coarser grid must still carry the load."""
     hardness = H * np.random.default_rng(4).uniform(0.5, 1.5, shape)
@@ -468,7 +475,7 @@ def test_just_below_the_hardness(shape, share):
 # --- bad input ---
 
 
-@each(
+@pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"pressure": -1.0}, ["pressure", "-1.0"]),

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 from test_design import AMPLITUDES, FALL, GROOVED, RISE, case, power_law
 
@@ -53,7 +52,7 @@ def test_without_peaks_every_load_relaxes():
     assert forces == {"loading": (1e8,), "unload_from": (1e8,), "unloading": (9e7,)}
 
 
-@each("value", [1, 1.5, -0.1, "100 %", "10 MPa", "some"])
+@pytest.mark.parametrize("value", [1, 1.5, -0.1, "100 %", "10 MPa", "some"])
 def test_what_is_no_fraction_is_refused(value):
     with pytest.raises(fs.InputError, match=r"load.relaxation: given .*, expected"):
         case(load=LOADING | DOWN | {"relaxation": value})

@@ -7,7 +7,6 @@ import sys
 from pathlib import Path
 
 import pytest
-from each import each
 
 import femseal
 
@@ -88,7 +87,7 @@ def test_every_benchmark_has_its_page():
     assert set((ROOT / "tests" / "benchmarks").glob("*.md")) <= included
 
 
-@each("page", PAGES)
+@pytest.mark.parametrize("page", PAGES)
 def test_files_that_pages_name_are_there(page):
     for name in re.findall(
         r"(?<![\w/])(?:examples|meshes)/[\w.]+", page.read_text(encoding="utf-8")
@@ -96,7 +95,7 @@ def test_files_that_pages_name_are_there(page):
         assert (ROOT / name.rstrip(".")).exists(), name
 
 
-@each("page", PAGES)
+@pytest.mark.parametrize("page", PAGES)
 def test_links_of_pages_lead_somewhere(page):
     for target in re.findall(r"\]\((?!https?:)([^)#\s]+)[^)]*\)", page.read_text(encoding="utf-8")):
         if not any(made in target for made in MADE):

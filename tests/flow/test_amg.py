@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from each import each
 from networks import cell_links, network
 from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementQuad1, ElementTriP1, MeshQuad, MeshTri
@@ -64,17 +63,17 @@ def energy_error(matrix, rhs, x, exact):
     return np.sqrt(difference @ (matrix @ difference) / (rhs @ (1 - exact)))
 
 
-@each("shape", [(5, 44), (30, 17), (60, 64), (150, 170)])
-@each("sigma", [0.3, 2.0, 5.0])
-@each("closed", [0.0, 0.33])
-@each("periodic", [False, True])
+@pytest.mark.parametrize("shape", [(5, 44), (30, 17), (60, 64), (150, 170)])
+@pytest.mark.parametrize("sigma", [0.3, 2.0, 5.0])
+@pytest.mark.parametrize("closed", [0.0, 0.33])
+@pytest.mark.parametrize("periodic", [False, True])
 def test_drawn_seals_agree_with_elimination(shape, sigma, closed, periodic):
     """Standard deviations of ln k up to 5, up to a third of the links closed."""
     stencil = drawn_links(np.random.default_rng(shape), shape, sigma, closed, periodic)
     agree(stencil)
 
 
-@each("n", [24, 40, 64])
+@pytest.mark.parametrize("n", [24, 40, 64])
 def test_cells_agree_with_elimination(n):
     """From open to nearly closed ones, where the flow is a tiny share of what the inlet could carry."""
     rng = np.random.default_rng(n)
@@ -111,7 +110,7 @@ def solve_by_pyamg(stencil, rtol):
     return stencil.energy(potential.reshape(stencil.nodes)), solution
 
 
-@each(
+@pytest.mark.parametrize(
     ("mesh", "element"),
     [
         (MeshTri, ElementTriP1()),
@@ -155,8 +154,8 @@ def test_the_same_bits_every_time_and_no_random_number():
     assert second.iterations == first.iterations
 
 
-@each("weak", [1e-4, 1e-9, 1e-12, 1e-14])
-@each("place", [0.02, 0.5, 0.98])
+@pytest.mark.parametrize("weak", [1e-4, 1e-9, 1e-12, 1e-14])
+@pytest.mark.parametrize("place", [0.02, 0.5, 0.98])
 def test_constrictions_keep_their_digits(weak, place):
     """A chain of wide links with a narrow one: 1 − x before it is nearly 0, x behind it, and both ends have the flow."""
     links = np.random.default_rng(4).uniform(1, 3, 1500)
@@ -173,8 +172,8 @@ def test_constrictions_keep_their_digits(weak, place):
     assert_allclose(solution.x, flow * np.cumsum(1 / links[::-1])[-2::-1], rtol=1e-3)
 
 
-@each("weak", [1e-4, 1e-9, 1e-14, 1e-20])
-@each("place", [0.02, 0.5, 0.98])
+@pytest.mark.parametrize("weak", [1e-4, 1e-9, 1e-14, 1e-20])
+@pytest.mark.parametrize("place", [0.02, 0.5, 0.98])
 def test_a_factorisation_keeps_its_digits_where_the_links_to_the_ends_are_known(weak, place):
     """As above; the matrix alone has lost the narrow links in the sums of its diagonal."""
     links = np.random.default_rng(4).uniform(1, 3, 1500)
@@ -239,7 +238,7 @@ def test_the_solver_is_chosen_by_its_name_and_the_size():
         solve_direct(sp.csr_array([[1.0, -1.0], [-1.0, 1.0]]), np.ones(2))
 
 
-@each("rtol", [1e-3, 1e-6])
+@pytest.mark.parametrize("rtol", [1e-3, 1e-6])
 def test_it_stops_where_the_flow_is_right(rtol):
     """The flow errs by the square of the potential's error: half the iterations, and still what was asked for."""
     gap = cut_gap(np.random.default_rng(12), 60, 0.3)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 from skfem import BilinearForm
 
@@ -17,7 +16,9 @@ from femseal.flow.grid import edge_conductances
 D = 1e-6
 
 
-@each("form", [lambda p, q, w: w.k[0, 0] * p * q, lambda p, q, w: w.k[0, 0] * p * q.grad[0]])
+@pytest.mark.parametrize(
+    "form", [lambda p, q, w: w.k[0, 0] * p * q, lambda p, q, w: w.k[0, 0] * p * q.grad[0]]
+)
 def test_a_form_that_is_no_flow_is_refused(form, monkeypatch):
     monkeypatch.setattr(forms, "darcy_flow", BilinearForm(form))
     edge_conductances.cache_clear()
@@ -74,7 +75,7 @@ def test_every_flow_follows_the_form(monkeypatch, capsys):
 # --- the flow through a cell ---
 
 
-@each("solver", ["auto", "amg"])
+@pytest.mark.parametrize("solver", ["auto", "amg"])
 def test_tensor_of_a_cell_is_that_of_its_links(solver):
     """Against a dense solution of the network on the torus, written out."""
     h = np.maximum(np.random.default_rng(2).normal(1, 0.3, (6, 7)), 0.1) * D

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from each import each
 from networks import cell_links, solve_links
 from numpy.testing import assert_allclose
 from scipy import ndimage
@@ -57,10 +56,10 @@ def order(errors):
 # --- closed forms ---
 
 
-@each("shape", [(1, 1), (1, 9), (9, 1), (2, 7), (16, 12)])
-@each("spacing", [(D, 30 * D), (7 * D, D)])
-@each("axis", [0, 1])
-@each("sides", SIDES)
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (9, 1), (2, 7), (16, 12)])
+@pytest.mark.parametrize("spacing", [(D, 30 * D), (7 * D, D)])
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("sides", SIDES)
 def test_flat_gap_is_exact(shape, spacing, axis, sides):
     h = np.full(shape, 3.7e-7)
     k = cell_permeability(h, spacing, axis=axis, sides=sides, rtol=1e-12)
@@ -71,7 +70,7 @@ def test_flat_gap_is_exact(shape, spacing, axis, sides):
     assert_allclose(k.fluid_pressure, expected, rtol=1e-12)
 
 
-@each("axis", [0, 1])
+@pytest.mark.parametrize("axis", [0, 1])
 def test_wavy_gap_along_the_ridges(axis):
     h0, ε, n = 1e-6, 0.6, 24
     x = (np.arange(n) + 0.5) / n
@@ -84,8 +83,8 @@ def test_wavy_gap_along_the_ridges(axis):
         )
 
 
-@each("axis", [0, 1])
-@each("ε", [0.3, 0.8])
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("ε", [0.3, 0.8])
 def test_wavy_gap_across_the_ridges(axis, ε):
     h0 = 1e-6
     exact = analytic.wavy_gap_across(h0, ε)
@@ -98,7 +97,7 @@ def test_wavy_gap_across_the_ridges(axis, ε):
     assert order(errors) >= 1.9
 
 
-@each("axis", [0, 1])
+@pytest.mark.parametrize("axis", [0, 1])
 def test_limit_of_refinement_is_that_of_quadratic_elements(axis):
     """Another discretisation altogether: Q2 by scikit-fem with the gap given at every quadrature point."""
 
@@ -130,7 +129,7 @@ def test_limit_of_refinement_is_that_of_quadratic_elements(axis):
     assert 1.8 < order(errors) < 2.3
 
 
-@each("ratio", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("ratio", [0.1, 0.5, 0.9])
 def test_flow_along_westergaard_grooves(ratio):
     λ, Δ = 1e-3, 1e-6
     exact = (2 * Δ) ** 3 / 12 * analytic.wave_groove_flow(ratio)
@@ -167,7 +166,7 @@ def series(h, d1, d2, width):
     return h.size * d1 / (width * d2) / resistance
 
 
-@each("ratio", [0.5, 0.2, 0.1, 1e-2, 1e-6])
+@pytest.mark.parametrize("ratio", [0.5, 0.2, 0.1, 1e-2, 1e-6])
 def test_plates_in_series(ratio):
     """Gap of two plates that jumps between two pixels: the error is less than a tenth of a pixel of the lower one."""
     for n in (64, 256):
@@ -178,8 +177,8 @@ def test_plates_in_series(ratio):
         assert k_of(h[::-1]) == pytest.approx(k_of(h), rel=1e-12)
 
 
-@each("pixel", [0, 1, 2, 3])
-@each(
+@pytest.mark.parametrize("pixel", [0, 1, 2, 3])
+@pytest.mark.parametrize(
     "gaps", [(1.0, 1.0, 1.2, 1.1), (2.0, 1.0, 1.0, 2.0), (0.2, 0.1, 3.0, 5.0), (0.0, 0.3, 1.0, 0.9)]
 )
 def test_gap_between_pixels_is_continuous(pixel, gaps):
@@ -205,8 +204,8 @@ def test_permeability_is_continuous_in_each_pixel():
     assert np.all(abs(np.diff(k)) < 0.005 * k[0])
 
 
-@each("breadth", [1, 2, 5])
-@each("sides", SIDES)
+@pytest.mark.parametrize("breadth", [1, 2, 5])
+@pytest.mark.parametrize("sides", SIDES)
 def test_barrier_of_a_vanishing_gap_seals(breadth, sides):
     """k of a closed row of pixels whose gap is not exactly 0 tends to 0 as its gap does, and never falls where that rises."""
     barrier = D * np.array([0.0, *np.logspace(-40, 0, 121)])
@@ -223,7 +222,7 @@ def test_barrier_of_a_vanishing_gap_seals(breadth, sides):
     assert np.all(found[1:] <= 1.001 * 64 * 32 / 2 * (barrier[1:] / D) ** 3)
 
 
-@each("contrast", [1.0, 1e3, 1e9, 1e15])
+@pytest.mark.parametrize("contrast", [1.0, 1e3, 1e9, 1e15])
 def test_channels_behind_walls_at_any_contrast(contrast):
     """Each is its links in series, all are in parallel."""
     smooth = 1 + 0.5 * np.sin(np.arange(11.0))
@@ -237,7 +236,7 @@ def test_channels_behind_walls_at_any_contrast(contrast):
     assert_allclose(k_of(field, (D, 3 * D), sides="periodic"), exact * 6 / 7, rtol=1e-12)
 
 
-@each("ratio", [1.5, 4.0])
+@pytest.mark.parametrize("ratio", [1.5, 4.0])
 def test_checkerboard(ratio):
     """Squares about the centre of the cell; its edges are lines of symmetry of the board."""
     exact = analytic.checkerboard(*analytic.parallel_plates([D, ratio * D]))
@@ -251,8 +250,8 @@ def test_checkerboard(ratio):
         assert abs(c - (c - b) ** 2 / (c - 2 * b + a)) < 1e-3
 
 
-@each("shape", [(20, 24), (17, 13), (5, 1)])
-@each("share", [0.0, 0.4])
+@pytest.mark.parametrize("shape", [(20, 24), (17, 13), (5, 1)])
+@pytest.mark.parametrize("share", [0.0, 0.4])
 def test_mirror_equals_the_periodic_even_extension(shape, share):
     h = cut_by_plane((40, 40), share, seed=1)[: shape[0], 5 : 5 + shape[1]]
     asked = {"rtol": 1e-11, "field_rtol": 1e-11}
@@ -275,7 +274,7 @@ def test_corner_contact_is_closed():
         assert not k.percolates
 
 
-@each("sides", SIDES)
+@pytest.mark.parametrize("sides", SIDES)
 def test_pockets_and_dead_ends_change_nothing(sides):
     h = np.full((20, 20), D)
     h[8:13, 8:13] = h[:, :4] = h[:, 5:7] = 0
@@ -291,7 +290,7 @@ def test_pockets_and_dead_ends_change_nothing(sides):
     assert np.array_equal(np.isfinite(after.fluid_pressure), old)
 
 
-@each("axis", [0, 1])
+@pytest.mark.parametrize("axis", [0, 1])
 def test_fluid_stands_at_the_pressure_of_the_end_that_reaches_it(axis):
     h = np.full((9, 7), D)
     h[4] = 0  # closed
@@ -319,7 +318,7 @@ def test_tensor_of_flat_gap_and_stripes():
     assert_allclose(along, expected, rtol=1e-12, atol=1e-12 * D**3)
 
 
-@each("share", [0.0, 0.2, 0.35])
+@pytest.mark.parametrize("share", [0.0, 0.2, 0.35])
 def test_tensor_is_symmetric_and_turns_with_the_cell(share):
     h = cut_by_plane((24, 30), share, seed=6) / D
     k = permeability_tensor(h, (1, 2))
@@ -363,7 +362,7 @@ def test_tensor_of_nothing_that_winds_is_exactly_zero():
     assert not any(permeability_tensor(gap, (D, D)).any() for gap in (*h, 0 * h[0]))
 
 
-@each("flip", [1, -1])
+@pytest.mark.parametrize("flip", [1, -1])
 def test_tensor_of_one_slanted_channel(flip):
     """A staircase winding once around both axes carries flow along the diagonal only: a matrix of rank 1."""
     n = 12
@@ -377,7 +376,7 @@ def test_tensor_of_one_slanted_channel(flip):
 # --- bad input ---
 
 
-@each(
+@pytest.mark.parametrize(
     ("change", "words"),
     [
         ({"gap": np.full((3, 3), np.nan)}, ["gap", "9 "]),
@@ -407,9 +406,9 @@ def test_bad_input_is_named(change, words):
 # --- critical constriction ---
 
 
-@each("sides", SIDES)
-@each("axis", [0, 1])
-@each("seed", range(4))
+@pytest.mark.parametrize("sides", SIDES)
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("seed", range(4))
 def test_without_the_critical_link_the_widest_path_is_closed(sides, axis, seed):
     """Links as wide as it percolate, those wider than it do not; it lies where it says."""
     h = cut_by_plane((24, 21), 0.15, seed, cut=5)
@@ -449,7 +448,7 @@ def test_percolating_fraction():
     assert cell_permeability(h, (D, D)).percolating_fraction == 0
 
 
-@each("decades", [2, 3, 4, 5, 6])
+@pytest.mark.parametrize("decades", [2, 3, 4, 5, 6])
 def test_a_tensor_is_right_or_refused_at_any_contrast(decades):
     """One column of random gaps: its links in series."""
     refused = 0
@@ -481,7 +480,7 @@ def test_threads_share_large_cells_and_change_no_bits():
     assert_allclose(found[0].value, exact.value, rtol=1e-6)
 
 
-@each("seed", [27, 28, 52])
+@pytest.mark.parametrize("seed", [27, 28, 52])
 def test_a_tensor_of_gaps_that_differ_by_thousands_is_that_of_two_such_cells(seed):
     """What the first solution loses in wide links is solved for once more."""
     gap = 10.0 ** np.random.default_rng(seed).uniform(-3.5, 0, (1, 8)) * 1e-6
@@ -504,7 +503,7 @@ def gap_on_long_pixels(seed, n=64):
     return np.maximum(noise - np.quantile(noise, contact), 0.0)
 
 
-@each("ratio", [28.0, 1 / 28])
+@pytest.mark.parametrize("ratio", [28.0, 1 / 28])
 def test_multigrid_on_long_pixels_gives_way_to_elimination(ratio):
     for seed in range(24):
         gap = gap_on_long_pixels(seed)
@@ -516,7 +515,7 @@ def test_multigrid_on_long_pixels_gives_way_to_elimination(ratio):
     assert square.solver == "multigrid"
 
 
-@each("ratio", [28.0, 1 / 28])
+@pytest.mark.parametrize("ratio", [28.0, 1 / 28])
 def test_multigrid_on_long_pixels_of_a_large_grid_has_the_error_asked_for_or_fails(ratio):
     """As if the grid had too many nodes for elimination."""
     solved = 0

@@ -4,7 +4,6 @@ import re
 
 import numpy as np
 import pytest
-from each import each
 from networks import cell_links, solve_links
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.ndimage import gaussian_filter
@@ -44,9 +43,9 @@ def laplacian(c1, c2):
     return known @ matrix @ known, p.reshape(node.shape)
 
 
-@each("shape", SHAPES)
-@each("periodic", [True, False])
-@each(
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("periodic", [True, False])
+@pytest.mark.parametrize(
     ("closed", "wall"), [(0.0, None), (0.25, None), (0.5, None), (0.3, 0), (0.3, -1), (1.0, None)]
 )
 def test_solvers_and_an_independent_solution_agree(shape, periodic, closed, wall):
@@ -70,8 +69,8 @@ def test_solvers_and_an_independent_solution_agree(shape, periodic, closed, wall
     assert flow.imbalance <= 1e-5
 
 
-@each("shape", [(60, 48), (48, 61), (31, 67), (9, 80), (80, 9)])
-@each("periodic", [True, False])
+@pytest.mark.parametrize("shape", [(60, 48), (48, 61), (31, 67), (9, 80), (80, 9)])
+@pytest.mark.parametrize("periodic", [True, False])
 def test_iterative_solution_of_a_larger_network(shape, periodic):
     c1, c2 = links(*shape, periodic, 1, contrast=1e4, closed=0.2)
     flow = solve_links(c1, c2, solver="multigrid", rtol=1e-6, field_rtol=1e-6)
@@ -82,8 +81,8 @@ def test_iterative_solution_of_a_larger_network(shape, periodic):
     assert flow.imbalance <= 1e-5
 
 
-@each("shape", [(64, 64), (200, 128), (127, 255), (40, 300)])
-@each("periodic", [True, False])
+@pytest.mark.parametrize("shape", [(64, 64), (200, 128), (127, 255), (40, 300)])
+@pytest.mark.parametrize("periodic", [True, False])
 def test_multigrid_takes_few_iterations_on_a_smooth_gap(shape, periodic):
     """Also on odd rings, whose last and first column are neighbours on every coarser grid."""
     n1, n2 = shape
@@ -97,8 +96,8 @@ def test_multigrid_takes_few_iterations_on_a_smooth_gap(shape, periodic):
         assert 0 < flow.iterations <= most
 
 
-@each("closed", [0.0, 0.3])
-@each("periodic", [True, False])
+@pytest.mark.parametrize("closed", [0.0, 0.3])
+@pytest.mark.parametrize("periodic", [True, False])
 def test_multigrid_is_what_is_chosen_for_large_open_networks(closed, periodic):
     x, y = np.arange(130)[:, None] / 129, np.arange(129) / 129
     h = np.sin(2 * np.pi * (2 * x + y)) * np.sin(2 * np.pi * (x - 2 * y))
@@ -110,7 +109,7 @@ def test_multigrid_is_what_is_chosen_for_large_open_networks(closed, periodic):
     assert_allclose(flow.conductance, exact, rtol=1e-6)
 
 
-@each("periodic", [True, False])
+@pytest.mark.parametrize("periodic", [True, False])
 def test_series_and_parallel(periodic):
     rng = np.random.default_rng(4)
     c1, c2 = links(8, 6, periodic)
@@ -127,8 +126,8 @@ def test_series_and_parallel(periodic):
     assert_allclose(flow.conductance, 1 / np.sum(1 / c1.sum(axis=1)), rtol=1e-12)
 
 
-@each("contrast", [1.0, 1e3, 1e12, 1e30, 1e60])
-@each("shape", [(2, 2), (5, 5), (12, 7)])
+@pytest.mark.parametrize("contrast", [1.0, 1e3, 1e12, 1e30, 1e60])
+@pytest.mark.parametrize("shape", [(2, 2), (5, 5), (12, 7)])
 def test_exact_duality(contrast, shape):
     """Between closed sides the planar dual has the inverse links, turned: the two rates multiply to 1."""
     c1, c2 = links(*shape, False, seed=5, contrast=contrast)
@@ -143,9 +142,9 @@ def test_large_periodic_map_of_log_symmetric_links():
     assert_allclose(solve_links(c1, c2).conductance, exact, rtol=0.03)
 
 
-@each("contrast", [1e6, 1e20, 1e60])
-@each("where", [0, 3, 7])
-@each("periodic", [True, False])
+@pytest.mark.parametrize("contrast", [1e6, 1e20, 1e60])
+@pytest.mark.parametrize("where", [0, 3, 7])
+@pytest.mark.parametrize("periodic", [True, False])
 def test_constriction_of_any_contrast(contrast, where, periodic):
     """All rows wide but one: the rate is that of the row of narrow links between two equipotentials."""
     c1, c2 = links(8, 6, periodic, seed=8)
@@ -155,7 +154,7 @@ def test_constriction_of_any_contrast(contrast, where, periodic):
     assert flow.imbalance < 1e-12
 
 
-@each("solver", ["elimination", "multigrid"])
+@pytest.mark.parametrize("solver", ["elimination", "multigrid"])
 def test_pockets_and_dead_ends_carry_nothing(solver):
     c1, c2 = np.zeros((6, 8)), np.zeros((5, 8))
     c1[:, 2] = 1.0
@@ -166,7 +165,7 @@ def test_pockets_and_dead_ends_carry_nothing(solver):
     assert_allclose(flow.conductance, 1 / 6, rtol=1e-12)
 
 
-@each(
+@pytest.mark.parametrize(
     ("c1", "c2", "options", "word"),
     [
         (np.full((3, 3), np.nan), np.ones((2, 3)), {}, "along"),
@@ -186,9 +185,9 @@ def test_bad_input_is_named(c1, c2, options, word):
         solve_flow(Stencil.network(c1, c2, ring=True), **options)
 
 
-@each("scale", [1e-310, 1e-200, 1e-60, 1e100, 1e300])
-@each("solver", ["elimination", "multigrid", "auto"])
-@each("n", [6, 70])
+@pytest.mark.parametrize("scale", [1e-310, 1e-200, 1e-60, 1e100, 1e300])
+@pytest.mark.parametrize("solver", ["elimination", "multigrid", "auto"])
+@pytest.mark.parametrize("n", [6, 70])
 def test_any_unit_of_the_conductances(scale, solver, n):
     flow = solve_links(np.full((n, n), scale), np.full((n - 1, n), scale), solver=solver)
     assert_allclose(flow.conductance, scale, rtol=1e-9)
@@ -203,7 +202,7 @@ def test_contrasts_that_a_double_bears():
         assert_allclose(flow.conductance, (1 / (1 / c1).sum(axis=0)).sum(), rtol=1e-12)
 
 
-@each("width", [1e-2, 1e-3, 1e-5])
+@pytest.mark.parametrize("width", [1e-2, 1e-3, 1e-5])
 def test_islands_are_eliminated_behind_multigrid(width):
     """Two that hang on each other, in a slope of the pressure."""
     h = np.ones((48, 60))
@@ -225,7 +224,7 @@ def filtered_gap(n, wave, contact, seed):
     return h / h.max()
 
 
-@each(("wave", "contact", "seed"), [(4, 0.3, 10), (1, 0.38, 1), (1.5, 0.42, 2)])
+@pytest.mark.parametrize(("wave", "contact", "seed"), [(4, 0.3, 10), (1, 0.38, 1), (1.5, 0.42, 2)])
 def test_a_part_of_the_error_that_few_iterations_do_not_meet_is_seen(wave, contact, seed):
     """A pool behind narrow links; near closing hundreds of iterations are needed."""
     links = cell_links(filtered_gap(256, wave, contact, seed), (1.0, 1.0), "mirror")

@@ -5,7 +5,6 @@ from decimal import Decimal, localcontext
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 from skfem import Basis, ElementQuad1, ElementTriP1, MeshQuad, MeshQuad2, MeshTet, MeshTri
 from skfem.models import laplace
@@ -31,7 +30,7 @@ def centres(mesh):
     return mesh.p[:, mesh.t].mean(axis=1)
 
 
-@each("kind", LINEAR)
+@pytest.mark.parametrize("kind", LINEAR)
 def test_uniform_rectangle_is_exact(kind):
     mesh = rectangle(kind, 3, 4, (2.0, 3.0))
     f = flow(mesh, 5e-18, bounds=True)
@@ -41,8 +40,8 @@ def test_uniform_rectangle_is_exact(kind):
     assert max(f.imbalance, f.residual) < 1e-13
 
 
-@each("kind", LINEAR)
-@each(("axis", "mean"), [(0, stripes_across), (1, np.mean)])
+@pytest.mark.parametrize("kind", LINEAR)
+@pytest.mark.parametrize(("axis", "mean"), [(0, stripes_across), (1, np.mean)])
 def test_stripes(kind, axis, mean):
     mesh = rectangle(kind, 8, 8)
     k = np.where((centres(mesh)[axis] * 4).astype(int) % 2 == 0, 1.0, 1e-6)
@@ -50,7 +49,7 @@ def test_stripes(kind, axis, mean):
     assert_allclose([f.lower, f.conductance, f.upper], mean([1.0, 1e-6]), rtol=1e-9)
 
 
-@each("kind", LINEAR)
+@pytest.mark.parametrize("kind", LINEAR)
 def test_all_shapes_of_permeability_agree(kind):
     mesh = rectangle(kind, 4, 4)
     k = np.exp(np.random.default_rng(4).standard_normal(mesh.nelements))
@@ -61,7 +60,7 @@ def test_all_shapes_of_permeability_agree(kind):
     assert_allclose(flow(mesh, 1e-40 * k).conductance, 1e-40 * expected.conductance, rtol=1e-12)
 
 
-@each("kind", LINEAR)
+@pytest.mark.parametrize("kind", LINEAR)
 def test_closed_across_is_exactly_zero(kind):
     """Each side stands at the pressure of its end; what no end reaches has none."""
     mesh = rectangle(kind, 6, 6)
@@ -74,7 +73,7 @@ def test_closed_across_is_exactly_zero(kind):
     assert not flow(mesh, 0.0).percolates
 
 
-@each("kind", LINEAR)
+@pytest.mark.parametrize("kind", LINEAR)
 def test_pockets_and_dead_ends_do_no_harm(kind):
     """One row of six carries all; a pocket and dead ends at inlet and outlet carry nothing."""
     mesh = rectangle(kind, 6, 6)
@@ -118,7 +117,7 @@ def test_elements_closed_along_one_axis():
     assert 0.25 < f.lower < f.upper < 1
 
 
-@each(
+@pytest.mark.parametrize(
     ("k", "message"),
     [
         (np.nan, "given 1 value not finite, expected numbers >= 0"),
@@ -168,7 +167,7 @@ def test_flows_that_do_not_balance_are_refused(monkeypatch):
         flow(rectangle(MeshTri, 3, 3), 1.0)
 
 
-@each("kind", [MeshQuad, MeshTri])
+@pytest.mark.parametrize("kind", [MeshQuad, MeshTri])
 def test_a_part_behind_two_narrow_bands_is_exact_or_refused(kind):
     """Sums of wide and narrow links lose the narrow ones, by which alone the part in the middle has its potential."""
     mesh = rectangle(kind, 8, 8)
@@ -184,8 +183,8 @@ def test_a_part_behind_two_narrow_bands_is_exact_or_refused(kind):
             flow(mesh, np.where(bands, 10.0**-decades, 1.0))
 
 
-@each("contrast", [1e3, 1e9, 1e13, 1e17, 1e21])
-@each("kind", LINEAR)
+@pytest.mark.parametrize("contrast", [1e3, 1e9, 1e13, 1e17, 1e21])
+@pytest.mark.parametrize("kind", LINEAR)
 def test_flow_past_elements_that_are_lost_in_sums(kind, contrast):
     """Against elimination in 60 digits: the pressure drops across elements of which no digit is in the diagonals."""
     mesh = rectangle(kind, 6, 6)

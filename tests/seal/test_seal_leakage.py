@@ -5,7 +5,6 @@ from pathlib import Path
 import meshio
 import numpy as np
 import pytest
-from each import each
 from networks import network, solve_links
 from numpy.testing import assert_allclose
 from skfem import MeshLine, MeshQuad, MeshTri, MeshTri2
@@ -34,7 +33,7 @@ def random_elements(cells, sd, closed=0.0, seed=0):
 # --- strips and rings ---
 
 
-@each("cells", [(1, 1), (1, 4), (4, 1), (2, 2), (6, 10)])
+@pytest.mark.parametrize("cells", [(1, 1), (1, 4), (4, 1), (2, 2), (6, 10)])
 def test_uniform_rectangle_is_exact(cells):
     seal = RectangularSeal((3e-3, 8e-3), cells)
     leak = seal_leakage(seal, 2e-18, WATER, inlet_pressure=5e6, outlet_pressure=1e6, bounds=True)
@@ -71,8 +70,8 @@ def test_means_between_pressures_are_exact_for_a_liquid():
     )
 
 
-@each("inlet", ["inner", "outer"])
-@each("cells", [(1, 1), (3, 5), (8, 40)])
+@pytest.mark.parametrize("inlet", ["inner", "outer"])
+@pytest.mark.parametrize("cells", [(1, 1), (3, 5), (8, 40)])
 def test_a_ring_is_exact_for_constant_permeability(inlet, cells):
     ring = AnnularSeal(10e-3, 15e-3, cells, inlet)
     leak = seal_leakage(ring, 1e-18, WATER, inlet_pressure=1e6, bounds=True)
@@ -119,7 +118,7 @@ def test_swapping_the_inlet_of_a_ring_mirrors_the_rows():
     assert_allclose(inner.points, outer.points[::-1])
 
 
-@each("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10))])
+@pytest.mark.parametrize("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10))])
 def test_closed_is_exactly_zero(seal):
     k = random_elements((6, 10), 1.0)
     ends = {"inlet_pressure": 1e6, "outlet_pressure": 1e5, "bounds": True}
@@ -137,7 +136,7 @@ def test_closed_is_exactly_zero(seal):
     assert_allclose(leak.lower, leak.upper, rtol=1e-9)
 
 
-@each("noise", [1e-8, 1e-3, 0.1])
+@pytest.mark.parametrize("noise", [1e-8, 1e-3, 0.1])
 def test_the_lower_bound_holds_for_a_wrong_potential(noise):
     """Thomson's principle with the flux of a disturbed potential, made to balance."""
     rng = np.random.default_rng(0)
@@ -156,8 +155,10 @@ def test_the_lower_bound_holds_for_a_wrong_potential(noise):
 # --- fluids ---
 
 
-@each("fluid", [WATER, AIR, Liquid(0.05, 870.0, 20e-9)])
-@each("seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10)), MeshSeal(RING, "inlet", "outlet")])
+@pytest.mark.parametrize("fluid", [WATER, AIR, Liquid(0.05, 870.0, 20e-9)])
+@pytest.mark.parametrize(
+    "seal", [STRIP, AnnularSeal(1e-3, 2e-3, (6, 10)), MeshSeal(RING, "inlet", "outlet")]
+)
 def test_reversed_pressures_reverse_the_leakage(seal, fluid):
     there, back = (
         seal_leakage(seal, 1e-18, fluid, inlet_pressure=a, outlet_pressure=b, bounds=True)
@@ -274,7 +275,7 @@ def test_a_ready_mesh_has_bounds():
 # --- bad input ---
 
 
-@each(
+@pytest.mark.parametrize(
     ("kind", "given", "message"),
     [
         (RectangularSeal, ((0.0, 1.0), (2, 2)), r"size: given 0\.0, expected a finite number > 0"),
@@ -299,7 +300,7 @@ def leak(permeability=1e-18, seal=STRIP, fluid=WATER, **kwargs):
     return seal_leakage(seal, permeability, fluid, **({"inlet_pressure": 1e6} | kwargs))
 
 
-@each(
+@pytest.mark.parametrize(
     ("k", "message"),
     [
         (np.nan, ": given 1 value not finite, expected numbers >= 0"),
@@ -321,8 +322,8 @@ def test_bad_permeability(k, message):
         leak(np.ones(5), MeshSeal(RING, "inlet", "outlet"))
 
 
-@each("name", ["inlet_pressure", "outlet_pressure"])
-@each(
+@pytest.mark.parametrize("name", ["inlet_pressure", "outlet_pressure"])
+@pytest.mark.parametrize(
     ("fluid", "value", "message"),
     [
         (WATER, np.nan, ".*, expected a finite number"),
@@ -371,7 +372,7 @@ def test_bad_mesh_files(tmp_path, file, message):
     assert "\n" not in str(error.value)
 
 
-@each(
+@pytest.mark.parametrize(
     ("inlet", "outlet", "message"),
     [
         ("west", "outlet", "inlet: given 'west', expected the name of a boundary of the mesh: 'i"),
@@ -384,7 +385,7 @@ def test_bad_boundaries(inlet, outlet, message):
         MeshSeal(RING, inlet, outlet)
 
 
-@each("kind", [MeshTri, MeshQuad])
+@pytest.mark.parametrize("kind", [MeshTri, MeshQuad])
 def test_meshes_that_overlap_themselves_or_have_undefined_nodes(kind):
     """A node pushed over the opposite edge leaves each element whole, but some upside down."""
     mesh = kind.init_tensor(*2 * [np.linspace(0, 1, 5)])
@@ -417,8 +418,8 @@ def two_parts(kind, shift, turn=0.0, cells=6, size=1.0):
     return both.with_boundaries(ends)
 
 
-@each("kind", [MeshTri, MeshQuad])
-@each(
+@pytest.mark.parametrize("kind", [MeshTri, MeshQuad])
+@pytest.mark.parametrize(
     ("shift", "more"),
     [
         ((0, 0), {}),
@@ -438,13 +439,15 @@ def test_parts_that_lie_on_each_other_are_refused(kind, shift, more):
         MeshSeal(two_parts(kind, shift, **more), "a", "b")
 
 
-@each("kind", [MeshTri, MeshQuad])
-@each("shift", [(1, 0), (1, 0.5), (1 - 1e-4, 0.37), (1, 1), (0, -1 + 1e-12), (1.5, 0.2)])
+@pytest.mark.parametrize("kind", [MeshTri, MeshQuad])
+@pytest.mark.parametrize(
+    "shift", [(1, 0), (1, 0.5), (1 - 1e-4, 0.37), (1, 1), (0, -1 + 1e-12), (1.5, 0.2)]
+)
 def test_parts_beside_each_other_are_taken(kind, shift):
     assert MeshSeal(two_parts(kind, shift), "a", "b").length == pytest.approx(1)
 
 
-@each(("angle", "good"), [(1.9, True), (2.3, False)])
+@pytest.mark.parametrize(("angle", "good"), [(1.9, True), (2.3, False)])
 def test_a_band_that_winds_onto_itself_is_refused(angle, good):
     """All its elements lie beside their neighbours; it is a ring with a slit, or covers its beginning once more."""
     band = MeshQuad.init_tensor(np.linspace(0, 1, 4), np.linspace(0, angle * np.pi, 60))

@@ -8,7 +8,6 @@ from dataclasses import replace
 import matplotlib.image
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 from small_cases import SWEPT as CASE
 
@@ -260,7 +259,7 @@ def test_picture_of_a_sweep(swept):
     assert_allclose(right.lines[0].get_ydata(), [found.leakage(n)[1] for n in (0, 2)])
 
 
-@each("count", [2, 4])
+@pytest.mark.parametrize("count", [2, 4])
 def test_intervals_are_drawn_and_told_where_they_are_known(swept, count):
     """The legend says of nothing that is not there; shaded areas and bars end where the intervals do."""
     _, found = swept
@@ -344,5 +343,5 @@ def test_compare_on_the_command_line(femseal, swept, tmp_path):
     ):
         code, _, errors = femseal("compare", *wrong)
         assert (code, fault in errors) == (2, True), errors
-    with pytest.raises(fs.InputError, match="a name of its own"):
+    with pytest.raises(fs.InputError, match="a different name for each run"):
         fs.compare([found.runs[0], found.runs[0]])  # of one run twice the names are the same

@@ -5,7 +5,6 @@ from math import inf
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 from scipy import fft, stats
 from small_cases import HARDENED, steel_scene
@@ -34,7 +33,7 @@ def gaussian_face(hurst, seed, n=128, roll_off=inf):
     return fs.Topography(1e-7 * z / z.std(), (1e-6, 1e-6))
 
 
-@each("hurst", [0.3, 0.8])
+@pytest.mark.parametrize("hurst", [0.3, 0.8])
 def test_the_error_of_the_hurst_exponent_contains_its_true_value(hurst):
     laws = [spectrum(gaussian_face(hurst, seed)).law for seed in range(24)]
     off = np.array([(law.hurst - hurst) / law.hurst_error for law in laws])
@@ -46,7 +45,7 @@ SHORT_BAND = {"rms_slope": 0.1, "roll_off": 40e-6}
 """Power law from 40 to 8 pixels, behind a plateau."""
 
 
-@each("hurst", [0.3, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("hurst", [0.3, 0.5, 0.8, 1.0])
 def test_the_hurst_exponent_of_a_short_band_behind_a_plateau(hurst):
     """Of generated surfaces, periodic and levelled ones, which a plane leaves with a step at the border."""
     for seed in (1, 2):
@@ -57,7 +56,7 @@ def test_the_hurst_exponent_of_a_short_band_behind_a_plateau(hurst):
             assert_allclose(law.roll_off, 40e-6, rtol=0.1)
 
 
-@each("roll_off", [24, 40, 128])
+@pytest.mark.parametrize("roll_off", [24, 40, 128])
 def test_the_error_of_the_hurst_exponent_of_random_amplitudes(roll_off):
     """A range of a factor of 4 to 21 in wavelength: two stated errors contain nearly all, and are not much too large."""
     laws = [spectrum(gaussian_face(0.8, seed, n=256, roll_off=roll_off)).law for seed in range(24)]
@@ -138,7 +137,7 @@ def test_added_waves_are_symmetric_at_borders_that_are_not_periodic():
     assert_allclose(found.rms_slope, known.slope_to(1e-6), rtol=0.03)
 
 
-@each(
+@pytest.mark.parametrize(
     ("hurst", "of_slope"),
     [(0.6, 1.05), (0.6, 1.3), (0.9, 1.05)],
 )
@@ -155,7 +154,7 @@ def test_waves_beyond_the_slope_set_by_hardness_do_not_count(hurst, of_slope):
 NOISE = fs.Topography(np.random.default_rng(1).normal(0, 1e-8, (64, 64)), (1e-6, 1e-6))
 
 
-@each(
+@pytest.mark.parametrize(
     ("face", "wave", "shape", "said"),
     [
         (MEASURED, 5e-6, None, r"continue_spectrum: given 5 µm, expected less than 2\.67 µm"),
@@ -227,8 +226,8 @@ def test_the_error_budget_solves_other_phases_and_fewer_waves(case):
     assert continued_versions(replace(prepared, continuation=None)) == []
 
 
-@each(
-    "surface, message",
+@pytest.mark.parametrize(
+    ("surface", "message"),
     [
         ({"continue_spectrum": "3 um"}, r"given 3 µm, expected less than .* measured"),
         (

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import ndimage
 
@@ -91,7 +90,7 @@ AFFINE = [
 ]
 
 
-@each(
+@pytest.mark.parametrize(
     "z",
     [
         *(face.heights for face in AFFINE),
@@ -121,7 +120,7 @@ def test_edges_corners_walls_small_summits_and_quantised_heights_are_no_spikes()
         assert_array_equal(np.argwhere(spikes(heights)), [place])
 
 
-@each(
+@pytest.mark.parametrize(
     ("given", "what"),
     [
         *(({"spikes": value}, "spikes") for value in (0, -1.0, nan, "six")),
@@ -170,7 +169,7 @@ def grooved(angle=0.0, shape=(200, 160)):
     return z + 1e-9 * rng.standard_normal(shape), s, rng
 
 
-@each("angle", [0.0, -1.2])
+@pytest.mark.parametrize("angle", [0.0, -1.2])
 def test_spikes_along_the_marks_of_machining_cause_a_warning(angle):
     z, s, rng = grooved(angle)
     beside = np.abs(s - s.mean()) < 5e-6
@@ -226,8 +225,8 @@ def test_texture_of_a_cosine_wave_agrees_with_its_closed_form():
     assert abs(found.lay_direction) < 1e-6
 
 
-@each("degrees", [-80, -35, -3, 0, 20, 45, 90])
-@each("shape", [(200, 160), (120, 240)])
+@pytest.mark.parametrize("degrees", [-80, -35, -3, 0, 20, 45, 90])
+@pytest.mark.parametrize("shape", [(200, 160), (120, 240)])
 def test_the_direction_of_the_lay_is_that_of_rotated_grooves(degrees, shape):
     """On square and on oblong pixels."""
     z, _, _ = grooved(np.deg2rad(degrees), shape)
@@ -255,8 +254,10 @@ def test_an_isotropic_face_has_no_lay_and_stretching_gives_it_one():
 # --- spectrum ---------------------------------------------------------------------------------------------
 
 
-@each(("hurst", "roll_off"), [(0.3, 2e-4), (0.8, None), (0.8, 2e-4), (1.0, None)])
-@each("cut_off", [1.6e-5, 6e-6])
+@pytest.mark.parametrize(
+    ("hurst", "roll_off"), [(0.3, 2e-4), (0.8, None), (0.8, 2e-4), (1.0, None)]
+)
+@pytest.mark.parametrize("cut_off", [1.6e-5, 6e-6])
 def test_the_power_law_of_a_generated_surface_is_recovered(hurst, roll_off, cut_off):
     given = LARGE | {"hurst": hurst, "roll_off": roll_off, "cut_off": cut_off}
     found = spectrum(self_affine((512, 400), (1e-3, 0.8e-3), **given))
@@ -381,9 +382,9 @@ def moved_back(patches, angle, shift):
     return np.cos(angle) * d1 + np.sin(angle) * d2, np.cos(angle) * d2 - np.sin(angle) * d1
 
 
-@each("mirror", [None, "x1", "x2"])
-@each("degrees", [0, 90, 180, 30, -12.5])
-@each("spacing", [(1e-6, 1e-6), (0.8e-6, 1.3e-6)])
+@pytest.mark.parametrize("mirror", [None, "x1", "x2"])
+@pytest.mark.parametrize("degrees", [0, 90, 180, 30, -12.5])
+@pytest.mark.parametrize("spacing", [(1e-6, 1e-6), (0.8e-6, 1.3e-6)])
 def test_the_second_face_is_mirrored_then_turned_then_shifted(mirror, degrees, spacing):
     first = open_map(np.zeros((40, 50)), (1.1e-6, 0.9e-6))
     second = open_map(bump(*from_the_middle((100, 80), spacing)), spacing)
@@ -397,7 +398,7 @@ def test_the_second_face_is_mirrored_then_turned_then_shifted(mirror, degrees, s
     assert_allclose(both.heights, expected, atol=5e-8)
 
 
-@each("degrees", [0, 10, 33, 45, 60, 80])
+@pytest.mark.parametrize("degrees", [0, 10, 33, 45, 60, 80])
 def test_the_largest_rectangle_that_both_faces_cover_is_kept(degrees):
     first = open_map(np.zeros((14, 17)))
     second, angle, shift = open_map(np.zeros((12, 9))), np.deg2rad(degrees), (0.4e-6, 0.7e-6)
@@ -444,7 +445,7 @@ FACE = rough()
 HOLED = Topography(np.where(np.arange(120) == 7, nan, FACE.heights), FACE.spacing)
 
 
-@each(
+@pytest.mark.parametrize(
     ("pair", "given", "said"),
     [
         ((FACE, FACE), {"shift": (200e-6, 0)}, "shift: given 200 µm × 0 m, .* still overlaps"),

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 
 from femseal.base import InputError
@@ -18,7 +17,7 @@ def face(shape=(160, 96), size=SIZE, **given):
 # --- self-affine ------------------------------------------------------------------------------------------
 
 
-@each("shape", [(160, 96), (161, 97), (160, 200)])
+@pytest.mark.parametrize("shape", [(160, 96), (161, 97), (160, 200)])
 def test_rms_values_are_met_exactly(shape):
     assert_allclose(face(shape).rms_height, 1e-7, rtol=1e-12)
     assert_allclose(face(shape, rms_height=None, rms_slope=0.1).rms_slope, 0.1, rtol=1e-12)
@@ -26,7 +25,7 @@ def test_rms_values_are_met_exactly(shape):
     assert face(shape).periodic == (True, True)
 
 
-@each("cut_off", [None, 5e-5, 2.1 * SIZE[0] / 160])
+@pytest.mark.parametrize("cut_off", [None, 5e-5, 2.1 * SIZE[0] / 160])
 def test_every_realisation_has_exactly_the_target_spectrum(cut_off):
     roll_off, hurst = 3e-4, 0.7
     surface = face(roll_off=roll_off, hurst=hurst, cut_off=cut_off)
@@ -46,8 +45,8 @@ def test_the_seed_determines_the_surface():
     assert abs(np.corrcoef(face(rng=4).heights.ravel(), face().heights.ravel())[0, 1]) < 0.9
 
 
-@each("fine", [(320, 192), (240, 161), (161, 97)])
-@each("rms", [{"rms_height": 1e-7}, {"rms_height": None, "rms_slope": 0.1}])
+@pytest.mark.parametrize("fine", [(320, 192), (240, 161), (161, 97)])
+@pytest.mark.parametrize("rms", [{"rms_height": 1e-7}, {"rms_height": None, "rms_slope": 0.1}])
 def test_a_finer_grid_samples_the_same_surface(fine, rms):
     coarse, finer = face(cut_off=3e-5, **rms), face(fine, cut_off=3e-5, **rms)
     for one, other in ((finer, coarse), (coarse, finer)):
@@ -67,7 +66,7 @@ def test_the_surface_is_isotropic_on_rectangular_pixels():
     assert_allclose(surface.rms_slopes, 0.1 / np.sqrt(2), rtol=1e-9)
 
 
-@each(
+@pytest.mark.parametrize(
     ("given", "message"),
     [
         ({"hurst": 0.0}, "hurst: given 0.0, expected"),
@@ -103,7 +102,7 @@ def arc(x1, pitch, radius):
     return ((x1 % pitch) - pitch / 2) ** 2 / (2 * radius)
 
 
-@each(
+@pytest.mark.parametrize(
     ("depth", "nose_radius", "height"),
     [(1e-6, None, 1e-6), (1e-5, 1e-3, 1e-4**2 / 8e-3)],
 )
@@ -180,13 +179,13 @@ def test_the_lowest_of_all_passes_is_found_with_large_errors():
     assert_allclose(z, np.min(passes, axis=0), rtol=1e-12)
 
 
-@each(("name", "height"), [("waviness", 2e-7), ("roughness", 1e-7)])
+@pytest.mark.parametrize(("name", "height"), [("waviness", 2e-7), ("roughness", 1e-7)])
 def test_waviness_and_roughness_add_their_mean_squares(name, height):
     plain, other = (groove((400, 64), cut_off=2e-5, **{name: value}) for value in (0.0, height))
     assert_allclose((other.heights - plain.heights).std(), height, rtol=1e-9)
 
 
-@each(
+@pytest.mark.parametrize(
     ("given", "message"),
     [
         ({"pitch": 2e-6}, "pitch: given 2 µm, expected more than cut_off = 2.5 µm"),

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_array_equal
 
 import femseal as fs
@@ -29,7 +28,9 @@ def holed(value, heights=FACE, hole=HOLE):
     return np.where(hole, value, 1e6 * heights)
 
 
-@each("value", [-9999, 9999, 32767, -32768, -99999.9999, 65535, 1000001, 1.70141e38, -3.40282e38])
+@pytest.mark.parametrize(
+    "value", [-9999, 9999, 32767, -32768, -99999.9999, 65535, 1000001, 1.70141e38, -3.40282e38]
+)
 def test_marks_that_programs_write_are_undefined_and_noted(tmp_path, value):
     found = look(tmp_path, holed(value))
     assert not found.errors
@@ -42,7 +43,7 @@ def test_marks_that_programs_write_are_undefined_and_noted(tmp_path, value):
     assert_array_equal(np.isnan(look(tmp_path, both).topography.heights), HOLE.T)
 
 
-@each("value, offset", [(0, 12), (0, -12), (-50, 0), (100, 0)])
+@pytest.mark.parametrize(("value", "offset"), [(0, 12), (0, -12), (-50, 0), (100, 0)])
 def test_other_numbers_far_from_all_heights_are_refused_with_a_question(tmp_path, value, offset):
     """Such as 0, whose points may be a stop as well; a tilt of the face, of 5 µm here, changes nothing."""
     tilt = 5e-6 * np.arange(N) / N
@@ -70,7 +71,7 @@ def quantised(heights, levels):
     return np.round((heights - low) / (high - low) * levels)
 
 
-@each(
+@pytest.mark.parametrize(
     "heights",
     [
         1e6 * FACE,

@@ -4,7 +4,6 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 from scipy.special import ellipe
@@ -51,7 +50,7 @@ def ridged(profile, columns, pixel):
     return fs.describe_surface(face, detrend=0, spikes=np.inf)
 
 
-@each("wave", [100e-6, 250e-6, 500e-6])
+@pytest.mark.parametrize("wave", [100e-6, 250e-6, 500e-6])
 def test_roughness_of_a_wave_is_exact(wave):
     """Half of a wave of the cut-off passes; of a wave of length l, 2**-(cut-off/l)² is waviness."""
     height, x = 0.5e-6, (np.arange(1000) + 0.5) * 1e-6
@@ -83,8 +82,8 @@ def test_flat_surfaces_and_surfaces_without_a_cut_off_are_described():
     assert np.isnan([small.sk, small.sdr, *small.nesting_index, *small.smr]).all()
 
 
-@each("axis", [0, 1])
-@each("slope", [0.01, 0.5, 2.0])
+@pytest.mark.parametrize("axis", [0, 1])
+@pytest.mark.parametrize("slope", [0.01, 0.5, 2.0])
 def test_the_area_of_a_wave_is_an_elliptic_integral(slope, axis):
     """Mean of √(1 + s² cos²): 2/π √(1 + s²) E(s²/(1 + s²)); s²/4 for small slopes."""
     x = (np.arange(640) + 0.5) * 2 * pi / 40

@@ -6,7 +6,6 @@ import sys
 
 import numpy as np
 import pytest
-from each import each
 from numpy.testing import assert_allclose
 
 from femseal.base import InputError
@@ -63,17 +62,17 @@ def test_texts_in_all_usual_encodings_are_read(tmp_path, encoding):
     same(look(tmp_path, (HEAD + matrix()).encode(encoding)))
 
 
-@each("delimiter", [",", ";", "\t", " ", ", "])
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", " ", ", "])
 def test_quoted_numbers_are_read(tmp_path, delimiter):
     same(look(tmp_path, matrix(delimiter, '"'), **MICRONS))
 
 
-@each("delimiter", [",", ";", "\t", " "])
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", " "])
 def test_quoted_decimal_commas_are_read(tmp_path, delimiter):
     same(look(tmp_path, matrix(delimiter, '"').replace(".", "\0").replace("\0", ","), **MICRONS))
 
 
-@each(
+@pytest.mark.parametrize(
     "word",
     [
         "NA",
@@ -91,7 +90,7 @@ def test_quoted_decimal_commas_are_read(tmp_path, delimiter):
         "null",
     ],
 )
-@each("delimiter", [",", ";", "\t"])
+@pytest.mark.parametrize("delimiter", [",", ";", "\t"])
 def test_words_for_an_undefined_point_are_recognised(tmp_path, word, delimiter):
     first, later = (f"{LINES[j, i]:.3f}" for i, j in ((0, 0), (4, 7)))
     text = matrix(delimiter).replace(first, word, 1).replace(later, word, 1)
@@ -240,7 +239,7 @@ def test_units_of_the_caller_replace_those_that_cannot_be_read(tmp_path):
     )
 
 
-@each(
+@pytest.mark.parametrize(
     "text",
     [
         matrix().replace(f"{LINES[0, 2]:.3f}", "over"),
@@ -371,7 +370,7 @@ def test_the_lattice_of_rounded_values_is_found():
 # --- profiles ---------------------------------------------------------------------------------------------
 
 
-@each(
+@pytest.mark.parametrize(
     ("text", "found"),
     [
         (lambda x, z: np.array([x, z]).T, "200 points .two columns, x and z; Ra 0.6.., Rq 0.70"),

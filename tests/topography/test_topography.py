@@ -5,7 +5,6 @@ from operator import attrgetter, methodcaller
 
 import numpy as np
 import pytest
-from each import each
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
@@ -79,7 +78,7 @@ def steps(periodic):
     return [(2 if wraps else 1) * np.pi / n for wraps, n in zip(periodic, SIZE, strict=True)]
 
 
-@each(
+@pytest.mark.parametrize(
     ("heights", "spacing", "periodic", "message"),
     [
         (np.zeros(3), (1, 1), True, r"heights: given shape \(3,\), expected shape \(n1, n2\)"),
@@ -110,7 +109,7 @@ WHOLE = [
 ]
 
 
-@each(
+@pytest.mark.parametrize(
     ("use", "face", "message"),
     [
         *((use, holed(), r"0\.125 % undefined .* use fill_undefined\(\) first") for use in WHOLE),
@@ -140,8 +139,8 @@ def test_invalid_arguments_of_operations_are_refused(use, face, message):
 # --- measures ---------------------------------------------------------------------------------------------
 
 
-@each("periodic", PERIODS)
-@each("shape", [(24, 18), (25, 17)])
+@pytest.mark.parametrize("periodic", PERIODS)
+@pytest.mark.parametrize("shape", [(24, 18), (25, 17)])
 def test_slope_and_height_of_a_wave(periodic, shape):
     face = wave(shape, (3, 2), periodic)
     slopes = 0.5 * np.multiply(steps(periodic), (3, 2))
@@ -157,8 +156,8 @@ def test_slope_of_a_tilted_map_that_is_not_periodic_is_its_tilt():
     assert_allclose(face.rms_slope, 0.01, rtol=5e-3)
 
 
-@each("periodic", PERIODS)
-@each("shape", [(16, 10), (15, 10), (7, 1)])
+@pytest.mark.parametrize("periodic", PERIODS)
+@pytest.mark.parametrize("shape", [(16, 10), (15, 10), (7, 1)])
 def test_psd_adds_up_to_the_mean_square(periodic, shape):
     face = noise(shape, periodic)
     for axis, step in enumerate(steps(periodic)):
@@ -168,7 +167,7 @@ def test_psd_adds_up_to_the_mean_square(periodic, shape):
         assert_allclose(np.sum(weight * density) * step / np.pi, face.rms_height**2, rtol=1e-12)
 
 
-@each("periodic", PERIODS)
+@pytest.mark.parametrize("periodic", PERIODS)
 def test_radial_psd_integrates_to_the_mean_square(periodic):
     # A spectrum that ends well inside the grid, so that rings are full and the sum over rings converges.
     face = noise((240, 160), periodic).low_pass(SIZE[1] / 20)
@@ -193,7 +192,7 @@ def test_the_gap_is_zero_at_the_highest_point():
 # --- form -------------------------------------------------------------------------------------------------
 
 
-@each("order", [0, 1, 2])
+@pytest.mark.parametrize("order", [0, 1, 2])
 def test_detrend_removes_the_form_and_changes_nothing_the_second_time(order):
     shape, spacing = (30, 20), (SIZE[0] / 30, SIZE[1] / 20)
     x1, x2 = np.meshgrid(*centres(shape), indexing="ij")
@@ -221,7 +220,7 @@ def test_a_periodic_map_is_not_levelled_unless_asked_for():
     assert condition(single, detrend=1)[0].rms_slope > 1.5 * slope
 
 
-@each("periodic", [(True, True), (False, True), (False, False)])
+@pytest.mark.parametrize("periodic", [(True, True), (False, True), (False, False)])
 def test_a_measured_map_is_levelled_whatever_its_borders_are_called(periodic):
     """Part of a larger map, with a tilt: it has a step where it would repeat itself."""
     larger = self_affine((128, 256), SIZE, hurst=0.8, rms_slope=0.2, rng=1).heights[:, :128]
@@ -244,8 +243,8 @@ def test_undefined_points_at_the_border_do_not_decide_whether_it_has_a_step():
     assert Topography(z * np.nan, (1e-6, 1e-6)).seamless == (True, True)
 
 
-@each("periodic", [(True, True), (False, True), (True, False), (False, False)])
-@each("shape", [(24, 18), (25, 17)])
+@pytest.mark.parametrize("periodic", [(True, True), (False, True), (True, False), (False, False)])
+@pytest.mark.parametrize("shape", [(24, 18), (25, 17)])
 def test_slopes_and_spectra_of_half_the_waves_are_those_of_all(shape, periodic):
     """Of even and odd numbers of points: a Nyquist wave is its own conjugate."""
     rough = noise(shape, periodic)
@@ -300,7 +299,7 @@ def test_detrend_is_the_least_squares_plane_of_the_defined_points():
 # --- waves ------------------------------------------------------------------------------------------------
 
 
-@each("periodic", PERIODS)
+@pytest.mark.parametrize("periodic", PERIODS)
 def test_low_pass_keeps_long_waves_and_removes_short_ones_exactly(periodic):
     shape = (48, 40)
     long, short = wave(shape, (3, 2), periodic), wave(shape, (9, 8), periodic)
@@ -313,16 +312,16 @@ def test_low_pass_keeps_long_waves_and_removes_short_ones_exactly(periodic):
     assert_allclose(both.low_pass(min(both.spacing)).heights, both.heights, atol=1e-14)
 
 
-@each("periodic", PERIODS)
-@each("shape", [(24, 20), (25, 21), (24, 21)])
-@each("new", [(48, 33), (17, 14), (60, 13), (18, 40), (24, 20)])
+@pytest.mark.parametrize("periodic", PERIODS)
+@pytest.mark.parametrize("shape", [(24, 20), (25, 21), (24, 21)])
+@pytest.mark.parametrize("new", [(48, 33), (17, 14), (60, 13), (18, 40), (24, 20)])
 def test_resample_is_exact_on_waves(periodic, shape, new):
     k = (3, 5)
     resampled = wave(shape, k, periodic).resample(new)
     assert_allclose(resampled.heights, wave(new, k, periodic).heights, atol=1e-12)
 
 
-@each("periodic", PERIODS)
+@pytest.mark.parametrize("periodic", PERIODS)
 def test_resample_does_not_fold_short_waves(periodic):
     assert_allclose(wave((32, 32), (10, 3), periodic).resample((9, 20)).heights, 0, atol=1e-12)
 
@@ -464,7 +463,7 @@ def test_a_finer_grid_keeps_the_waves_that_were_measured():
     assert report.lost_slope < 1e-9
 
 
-@each("wavelength", [7e-6, 3.31e-5])
+@pytest.mark.parametrize("wavelength", [7e-6, 3.31e-5])
 def test_resolving_shape_gives_8_pixels_or_what_the_limit_allows(wavelength):
     shape = resolving_shape((1e-3, 0.7e-3), wavelength)
     pixels = wavelength * np.divide(shape, (1e-3, 0.7e-3))
@@ -472,7 +471,7 @@ def test_resolving_shape_gives_8_pixels_or_what_the_limit_allows(wavelength):
     assert_allclose(resolving_shape((1e-3, 0.5e-3), 1e-6, most=5e4), (316, 158), rtol=0.05)
 
 
-@each(
+@pytest.mark.parametrize(
     ("given", "message"),
     [
         ({"shortest_wave": 1e-4}, r"wave: given 100 µm, .* 8 pixels = 250 µm.*shape=\(240, 160\)"),
