@@ -15,7 +15,10 @@ import femseal as fs
 
 
 def margin(answer: fs.Design) -> dict[float, float]:
-    """Return the fraction of each pressure in assembly that may be lost in service, for the first class."""
+    """For each pressure in assembly, compute the fraction that may be lost in service.
+
+    After this loss, the seal still meets the first class.
+    """
     service = answer.requirements[0].service
     return {
         assembly: 1 - needed.value / assembly

@@ -1,8 +1,8 @@
 """Elastic contact of a wave
 =========================
 
-This script compares the contact fraction of a sinusoidal wave on a grid of 128 points with the closed form of
-Westergaard.
+This script computes the contact fraction of a sinusoidal wave on a grid of 128 points, and compares it with the closed
+form of Westergaard.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ POINTS = 128
 
 
 def contact_shares(ratios: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the computed and the exact contact fraction at mean pressures relative to that of full contact."""
+    """Compute the contact fraction numerically and in closed form.
+
+    The argument `ratios` contains the mean pressures, divided by the mean pressure at which the contact is complete.
+    """
     spacing = WAVELENGTH / POINTS
     x = (np.arange(POINTS) + 0.5) * spacing
     gap = HALF_HEIGHT * (1 - np.cos(2 * np.pi * x / WAVELENGTH))[:, None] * np.ones((1, 4))

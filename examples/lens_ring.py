@@ -1,9 +1,9 @@
 """A lens ring
 ===========
 
-The crown of a turned ring is pressed against a cone. Its radius determines the breadth of the contact band, and
-therefore the leakage under a given force. The contact band of a rough crown is broader than that of a smooth
-crown, which Hertz's theory gives.
+The crown of a turned ring is pressed against a cone. The radius of the crown determines the width of the contact band,
+and therefore the leakage under a given force. On a rough crown, the contact band is wider than on a smooth crown, for
+which Hertz's theory gives the width.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def lens_rings() -> dict[float, fs.FaceResult]:
 
 
 def hertz_band(radius: float, force: float) -> float:
-    """Return the breadth [m] of the contact band of a smooth crown, 2 √(4 W R/(π E*)), at W newtons per metre."""
+    """Compute the width [m] of the contact band of a smooth crown, 2 √(4 W R/(π E*)), for the force W per length."""
     modulus = fs.contact_modulus(fs.Solid(210e9, 0.3), fs.Solid(210e9, 0.3))
     return float(2 * np.sqrt(4 * force * radius / (np.pi * modulus)))
 

@@ -17,7 +17,10 @@ OIL = fs.Liquid(viscosity=0.02, density=870)
 
 
 def prepared() -> fs.Topography:
-    """Return the surface as a run uses it: filled, without tilt and curvature, and without waves shorter than 10 µm."""
+    """Prepare the surface as a run does.
+
+    Undefined points are filled. Tilt, curvature and waves shorter than 10 µm are removed.
+    """
     face = fs.read_topography(FILE)
     surface, _ = fs.condition(
         face, detrend=2, shortest_wave=10e-6, max_undefined=0.03, shape=(240, 480)
@@ -26,7 +29,7 @@ def prepared() -> fs.Topography:
 
 
 def leakage(surface: fs.Topography, pressure: float) -> tuple[fs.Contact, fs.Leakage]:
-    """Solve the contact against a rigid flat under a nominal pressure [Pa], and the leakage from 10 MPa to 0."""
+    """Solve the contact with a rigid flat under a nominal pressure [Pa], and compute the leakage from 10 MPa to 0."""
     body = fs.HalfSpace(
         surface.shape, surface.spacing, fs.contact_modulus(STEEL), ("mirror", "mirror")
     )

@@ -1,7 +1,7 @@
 """One cell along a load cycle
 ===========================
 
-This script solves the contact of a cell, and the permeability of its gap, at every step of a load cycle. The
+This script solves the contact of a cell at every step of a load cycle, and computes the permeability of its gap. The
 cell closes at the peak load, and it opens again only at the end of the unloading.
 """
 

@@ -1,9 +1,10 @@
 """The method of the paper
 =======================
 
-This script solves a seal by the method of Pérez-Ràfols, Larsson, van Riet and Almqvist (2018). The paper builds
-random seals from derivatives of the permeability. The leakage is compared with that of the surface at full
-resolution, and with the stochastic seals of femseal.
+This script computes the leakage of a seal by the method of Pérez-Ràfols, Larsson, van Riet and Almqvist (2018). For a
+random seal, the paper chooses random permeabilities at the highest load, and adds random derivatives of the
+permeability with respect to the pressure to obtain the other loads. The script compares the leakage with that of the
+surface at full resolution, and with that of the stochastic seals of femseal.
 """
 
 from __future__ import annotations
@@ -15,14 +16,15 @@ import numpy as np
 import femseal as fs
 from femseal.flow import Stencil, solve_flow
 
-#: Numbers of cells: of the method of the paper, and of the stochastic seals of femseal, whose cells stay in order.
+#: Numbers of cells along x1 and x2 in the method of the paper, and in the stochastic seals of femseal.
 CELLS, OWN_CELLS = (8, 8), (2, 2)
-#: Number of windows that form a group of similar ones: in pressure at the highest load, in permeability at other loads.
+#: Number of windows in a group of similar windows. At the highest load, windows with similar pressures form a group; at
+#: all other loads, windows with similar permeabilities do.
 ALIKE_IN_PRESSURE, ALIKE_IN_PERMEABILITY = 16, 5
 
 
 def strip(points: int = 256, seed: int = 2) -> fs.Scene:
-    """Return a scene: a self-affine surface with one point per µm, loaded to 1 GPa and unloaded."""
+    """Return the input of the studies: a self-affine surface with one point per µm, loaded to 1 GPa and unloaded."""
     steel = fs.Solid(young=210e9, poisson=0.3, yield_stress=1.2e9)
     size = (points * 1e-6, points * 1e-6)
     return fs.Scene(
@@ -40,7 +42,7 @@ def strip(points: int = 256, seed: int = 2) -> fs.Scene:
 
 
 def cut(field: np.ndarray, cells: tuple[int, int], axis: int) -> np.ndarray:
-    """Cut a field into windows (row, column, n1, n2), each centred on its link between two nodes along an axis."""
+    """Cut a field into windows around the links along an axis; the result has the shape (row, column, n1, n2)."""
     (rows, columns), (n1, n2) = cells, np.array(field.shape) // cells
     if axis == 1:  # half a cell from the windows of the links along x1, which are the cells
         field = np.roll(field, (-(n1 // 2), -(n2 // 2)), axis=(0, 1))
@@ -48,7 +50,13 @@ def cut(field: np.ndarray, cells: tuple[int, int], axis: int) -> np.ndarray:
 
 
 def global_contact(scene: fs.Scene, cells: tuple[int, int]) -> list[tuple]:
-    """Return the contact states of the waves longer than half a cell, and the raw gaps with all waves (n1, n2)."""
+    """Solve the contact of the filtered surface, without waves shorter than half a cell.
+
+    Returns
+    -------
+    list of (contact state on the coarse grid, gap (n1, n2) on the fine grid)
+        The gap contains all waves of the surface. It is negative where the asperities of the short waves overlap.
+    """
     face = scene.surface
     smooth = face.low_pass(face.size[0] / cells[0] / 2)
     coarse = smooth.resample((face.shape[0] // 2, face.shape[1] // 2))
@@ -65,7 +73,10 @@ def global_contact(scene: fs.Scene, cells: tuple[int, int]) -> list[tuple]:
 
 
 def window_contact(gap0, raw_gap, body, pressure, hardness, deformation):
-    """Return the gap and the plastic deformation of a window [m]; a window without pressure keeps its raw gap."""
+    """Solve the contact of a window, and return its gap and its plastic deformation [m].
+
+    Without a pressure, the gap is that of the filtered contact, moved apart until nothing overlaps.
+    """
     if pressure == 0:
         apart = raw_gap + deformation
         return apart - min(apart.min(), 0.0), deformation
@@ -75,7 +86,13 @@ def window_contact(gap0, raw_gap, body, pressure, hardness, deformation):
 
 
 def windows_of_links(scene: fs.Scene, axis: int, states: list, cells=CELLS) -> np.ndarray:
-    """Return the pressure [Pa], the mean raw gap [m] and the permeability [m³] of all windows (step, row, column)."""
+    """Solve the contact and the flow of all windows around the links along an axis.
+
+    Returns
+    -------
+    array (3, step, row, column)
+        Pressure [Pa], mean gap of the filtered contact [m] and permeability [m³] of each window.
+    """
     gap0 = cut(scene.surface.gap(), cells, axis)
     body = fs.HalfSpace(gap0.shape[2:], scene.surface.spacing, scene.modulus, "mirror")
     left = {None: np.zeros_like(gap0)}  # plastic deformation at the peak before an unloading
@@ -95,7 +112,10 @@ def windows_of_links(scene: fs.Scene, axis: int, states: list, cells=CELLS) -> n
 
 
 def leakage(scene: fs.Scene, k1: np.ndarray, k2: np.ndarray) -> np.ndarray:
-    """Return the leakage [m²/s] at every step of a network of links along x1 and x2 (step, row, column)."""
+    """Compute the leakage [m²/s] of a network at every load step.
+
+    The permeabilities k1 and k2 [m³] of its links along x1 and x2 have the shape (step, row, column).
+    """
     length1, length2 = np.divide(scene.surface.size, k1.shape[1:])
     ends = scene.inlet_pressure, scene.outlet_pressure
     drop = float(np.subtract(*map(scene.fluid.potential, ends))) / scene.fluid.reference_density
@@ -107,14 +127,21 @@ def leakage(scene: fs.Scene, k1: np.ndarray, k2: np.ndarray) -> np.ndarray:
 
 
 def alike(rank, first, last, count, rng) -> np.ndarray:
-    """Replace each rank by a random one of its group; groups have `count` ranks and lie between `first` and `last`."""
+    """Replace each rank by a random rank of the same group.
+
+    The ranks from `first` to `last` − 1 are divided into groups of `count` consecutive ranks.
+    """
     rank = np.minimum(rank, last - 1)
     low = first + (rank - first) // count * count
     return rng.integers(low, np.minimum(low + count, last))
 
 
 def step_down(k, start, end, change, rng) -> np.ndarray:
-    """Add dk/dp of windows with a similar k (from start to end); closed windows take that of closed ones."""
+    """Change the permeability k of each link from one load to the next.
+
+    The change is that of a randomly chosen window whose permeability at the first load (`start`) is similar to k. It is
+    the change from `start` to `end`. For a closed link, one of the closed windows is chosen.
+    """
     order, closed = np.argsort(start, kind="stable"), np.count_nonzero(start == 0)
     first, last = np.where(k > 0, closed, 0), np.where(k > 0, start.size, closed)
     count = np.where(k > 0, ALIKE_IN_PERMEABILITY, closed)
@@ -124,7 +151,7 @@ def step_down(k, start, end, change, rng) -> np.ndarray:
 
 
 def drawn_links(scene: fs.Scene, windows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Return the permeabilities (step, row, column) of the links along one axis of a random seal."""
+    """Choose random permeabilities (step, row, column) for the links along one axis of a seal."""
     steps, load = scene.steps, scene.steps.pressures
     pressure, separation, of_windows = (field.reshape(len(steps), -1) for field in windows)
     top, links = len(steps.loading) - 1, of_windows.shape[1]
@@ -138,7 +165,7 @@ def drawn_links(scene: fs.Scene, windows: np.ndarray, rng: np.random.Generator) 
 
 
 def drawn_seals(scene: fs.Scene) -> np.ndarray:
-    """Return the median leakage [m²/s] of femseal's stochastic seals of the size of the surface."""
+    """Return the median leakage [m²/s] of stochastic seals that are as large as the surface, computed by femseal."""
     sampling = fs.Sampling(scene.surface.size[1], realisations=16, seed=1)
     return fs.stochastic(scene, OWN_CELLS, sampling).quantile(0.5)
 

@@ -14,7 +14,10 @@ import femseal as fs
 
 
 def loading_over_unloading(results: fs.Results) -> dict[float, float]:
-    """Return the leakage on loading divided by that on unloading from the highest peak, by nominal pressure [Pa]."""
+    """Divide the leakage on loading by the leakage on unloading from the highest peak load.
+
+    The keys of the result are the nominal pressures [Pa].
+    """
     leakage = dict(zip(results.steps, results.leakage.values, strict=True))
     peak = max(step.pressure for step in leakage)
     loading = {

@@ -1,7 +1,7 @@
 """A seal of real size
 ===================
 
-The seal is 0.1 m long, and three times as broad as the small surface that represents it. Each of its tiles takes the
+The seal is 0.1 m long, and three times as wide as the small surface that represents it. Each of its tiles takes the
 permeability of a randomly chosen cell of the surface, at the pressure of the tile and with its load history.
 """
 
@@ -11,7 +11,7 @@ import femseal as fs
 
 
 def scene() -> fs.Scene:
-    """Return a scene: the combined roughness of two steel faces, 0.18 mm broad, loaded to 400 MPa and unloaded."""
+    """Return the input of the study: a surface of 0.18 mm × 0.18 mm on steel, loaded to 400 MPa and unloaded."""
     steel = fs.Solid(young=210e9, poisson=0.3, yield_stress=1e9)
     surface = fs.self_affine(
         (192, 192), (180e-6, 180e-6), hurst=0.8, rms_slope=0.2, roll_off=40e-6, rng=5
@@ -32,7 +32,10 @@ def scene() -> fs.Scene:
 def drawn_seal(
     length: float = 0.1, breadth: float = 0.54e-3, realisations: int | None = None
 ) -> fs.StochasticResult:
-    """Simulate seals of a length and breadth [m]; by default, as many realisations as the 95 % interval needs."""
+    """Simulate seals of a given length and breadth [m].
+
+    By default, the number of realisations is chosen so that the 95 % interval is accurate.
+    """
     return fs.stochastic(scene(), None, fs.Sampling(length, realisations, seed=1, breadth=breadth))
 
 

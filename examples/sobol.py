@@ -1,9 +1,10 @@
 """Which input matters most for the leakage
 =========================================
 
-This script computes Sobol indices for ranges of three inputs. The first-order index is the part of the variance
-of ln(leakage) that an input explains alone. The total index also includes its interactions with other inputs.
-To use the scene of a case file, write ``femseal.preparation.prepare(fs.load_case("seal.toml")).scene``.
+This script computes Sobol indices for ranges of three inputs. The first-order index of an input is the
+fraction of the variance of ln(leakage) that this input explains alone. The total index also includes the interactions
+of the input with the others.
+If you have a case file, ``femseal.preparation.prepare(fs.load_case("seal.toml")).scene`` makes a scene from it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,11 @@ SCENE = fs.Scene(
 
 
 def log_leakage(values: np.ndarray) -> np.ndarray:
-    """Return ln of the leakage [m²/s] (n,) at values (3, n) of hardness, factor of the heights, and viscosity."""
+    """Compute ln(leakage [m²/s]) of n scenes.
+
+    The array `values` has the shape (3, n). Its rows are the hardness [Pa], a factor for the heights, and the viscosity
+    [Pa·s].
+    """
     found = []
     for hardness, roughness, viscosity in values.T:
         face = fs.Topography(roughness * FACE.heights, FACE.spacing)
@@ -33,7 +38,10 @@ def log_leakage(values: np.ndarray) -> np.ndarray:
 
 
 def indices(count: int = 64) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first-order and the total indices (3,) from 5 × `count` scenes; `count` is a power of 2."""
+    """Compute the first-order and the total index of each of the three inputs from 5 × `count` scenes.
+
+    The argument `count` must be a power of 2.
+    """
     found = sobol_indices(
         func=log_leakage, n=count, dists=[loguniform(*ends) for ends in RANGES.values()], rng=1
     )

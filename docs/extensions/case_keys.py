@@ -23,8 +23,9 @@ _HEAD = """# All keys of a case file
 
 A quantity is a text with any unit of its kind, for example `"0.2 mm"` where the column *unit* contains m. The column
 *needed, of kind* states when a key must be given, and for which kinds of the table it is valid. The column *since*
-states the first version with this key. If a key has no default, it is switched off unless given, or its meaning
-states how its value is chosen. If a file contains a key that has been removed, a message names its replacement.
+states the first version of femseal that accepts the key. If no default is stated, the column *meaning* may say how
+femseal chooses the value; otherwise, the effect of the key is switched off unless you give the key. If a file contains
+a key that has been removed, a message names its replacement.
 `femseal schema` writes the same information for editors, and [Case files](case.md) explains how to use it.
 """
 _COLUMNS = (

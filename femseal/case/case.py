@@ -138,7 +138,7 @@ class Case(Table):
         exclude=True,
     )
     face: tuple[Face, ...] = key(
-        "the rough surface; two, each under [[face]], are added",
+        "the rough surface; two tables [[face]] describe two faces, whose heights are added",
         needed="without a `path` or `patches`",
         min_length=1,
         max_length=2,
@@ -166,7 +166,7 @@ class Case(Table):
         validate_default=True,
     )
     cells: CellsTable | None = key(
-        "cells of the surface; of several patches, the cells of each", None
+        "division of the surface, or of each measured patch, into cells", None
     )
     stochastic: StochasticTable | None = key("random realisations of the seal", None)
     output: OutputTable = key("what is written, and how", OutputTable())
