@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
-from math import inf
+from math import inf, sqrt
 
 from .base import InputError, shown, validate
 
@@ -18,6 +18,12 @@ HARDNESS_FACTOR = 2.8
 #: Mises for ν = 0.3, the peak pressure is then 1.79 σ_y, and yielding begins at a depth of 0.7 times the half-width of
 #: the contact (Johnson 1985, section 6.1).
 LINE_CONTACT_YIELD = 1.79 / HARDNESS_FACTOR
+#: Ratio of mean pressure to yield stress at which a ring between two smooth flat faces yields as a whole. It is the
+#: plane-strain yield pressure of the criterion of von Mises, 2/√3; friction at the faces only raises it.
+RING_YIELD = 2 / sqrt(3)
+#: Mean contact pressure of an indentation of 1 HV [Pa]. The Vickers hardness is the force divided by the area of the
+#: faces of the pyramid, 1 kgf/mm²; the contact pressure refers to the projected area, which is sin 68° = 0.9272 of it.
+VICKERS_PRESSURE = 9.80665e6 / 0.9272
 #: Range of the Young's moduli of metals and hard coatings [Pa].
 YOUNG_LIMITS = (5e9, 1.2e12)
 
@@ -171,38 +177,57 @@ def contact_modulus(a: Solid, b: Solid | None = None) -> float:
 
 _ELASTIC = "E, ν: Kaye & Laby, Tables of Physical and Chemical Constants"
 _CALLISTER = "Callister, Materials Science and Engineering"
+
+
+def _metal(young: float, poisson: float, yield_stress: float, vickers: float) -> Solid:
+    """Return a metal with its Vickers hardness [HV], a typical value of data sheets for the metal as delivered.
+
+    Parameters
+    ----------
+    young, poisson : Young's modulus [Pa] and Poisson's ratio.
+    yield_stress : yield stress of the metal as delivered [Pa].
+    vickers : Vickers hardness [HV]. That of an annealed metal is far above 2.8 times the yield stress, because the
+        metal hardens under the indenter, as it does under the asperities of a face.
+    """
+    ratio = vickers * VICKERS_PRESSURE / yield_stress
+    return Solid(young, poisson, yield_stress, hardness_over_yield=ratio)
+
+
 #: Metals for seals at 20 °C, each with the source of its properties. Yield strengths are 0.2 % proof stresses of sheet
 #: or bar as delivered, either specified minimum values ("least") or typical values.
 METALS: dict[str, tuple[Solid, str]] = {
     "steel 304/316, annealed": (
-        Solid(200e9, 0.3, 205e6),
+        _metal(200e9, 0.3, 205e6, 160),
         "E: EN 10088-1; least yield strength: ASTM A240",
     ),
     "steel 1.4571, annealed": (
-        Solid(200e9, 0.3, 200e6),
+        _metal(200e9, 0.3, 200e6, 160),
         "E: EN 10088-1; least yield strength: EN 10088-3",
     ),
     "Inconel 718, aged": (
-        Solid(200e9, 0.29, 1034e6),
+        _metal(200e9, 0.29, 1034e6, 420),
         "Special Metals SMC-045; least yield strength: AMS 5662",
     ),
     "copper, soft": (
-        Solid(117e9, 0.343, 48e6),
+        _metal(117e9, 0.343, 48e6, 45),
         "OFHC, annealed strip, typical: Smithells; ν: Kaye & Laby",
     ),
     "copper, half hard": (
-        Solid(117e9, 0.343, 176e6),
+        _metal(117e9, 0.343, 176e6, 85),
         "OFHC strip, typical: Smithells; ν: Kaye & Laby",
     ),
     "aluminium 1050, soft": (
-        Solid(69e9, 0.33, 20e6),
+        _metal(69e9, 0.33, 20e6, 20),
         "EN AW-1050A, temper O; least yield strength: EN 485-2",
     ),
-    "aluminium 6061-T6": (Solid(69e9, 0.33, 276e6), "typical: ASM Handbook, vol. 2"),
-    "nickel 200, annealed": (Solid(204e9, 0.31, 148e6), f"typical: {_CALLISTER}, appendix B"),
-    "silver, annealed": (Solid(82.7e9, 0.367, 54e6), f"typical: ASM Handbook, vol. 2; {_ELASTIC}"),
+    "aluminium 6061-T6": (_metal(69e9, 0.33, 276e6, 107), "typical: ASM Handbook, vol. 2"),
+    "nickel 200, annealed": (_metal(204e9, 0.31, 148e6, 90), f"typical: {_CALLISTER}, appendix B"),
+    "silver, annealed": (
+        _metal(82.7e9, 0.367, 54e6, 25),
+        f"typical: ASM Handbook, vol. 2; {_ELASTIC}",
+    ),
     "soft iron": (
-        Solid(211.4e9, 0.293, 130e6),
+        _metal(211.4e9, 0.293, 130e6, 75),
         f"annealed, typical: {_CALLISTER}, table 6.2; {_ELASTIC}",
     ),
 }
@@ -210,6 +235,8 @@ METALS: dict[str, tuple[Solid, str]] = {
 
 def named_solid(name: str) -> Solid:
     """Return a metal of `METALS` by its name, in upper or lower case.
+
+    Its hardness is a typical Vickers hardness of the metal as delivered, as a contact pressure.
 
     Parameters
     ----------
@@ -223,8 +250,9 @@ def named_solid(name: str) -> Solid:
 
     Examples
     --------
-    >>> named_solid("Copper, soft").yield_stress
-    48000000.0
+    >>> copper = named_solid("Copper, soft")
+    >>> copper.yield_stress, round(copper.hardness / 1e6)
+    (48000000.0, 476)
     """
     known = {metal.casefold(): metal for metal in METALS}
     text = name.casefold().strip() if isinstance(name, str) else ""

@@ -19,7 +19,7 @@ from ..base import InputError, counted, shortened, shown, to_text
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..base.quantities import absolute_pressure
 from ..fluids import FLUIDS
-from ..materials import HARDNESS_FACTOR, named_solid
+from ..materials import named_solid
 from ..named_fluids import TABLE_TEMPERATURE, RealGas, named_fluid
 from ..seal.seal_files import columns_of, read_columns
 from .faults import errors_in_table
@@ -385,19 +385,20 @@ def _complete_solid(solid: RawTable, table_key: str, folder: Path, warnings: lis
     with errors_in_table(table_key):
         named = named_solid(table["name"])
     assert named.yield_stress is not None
+    assert named.hardness is not None
     values = {
         "young": named.young,
         "poisson": named.poisson,
         "yield_stress": named.yield_stress,
-        "hardness": HARDNESS_FACTOR * named.yield_stress,
+        "hardness": named.hardness,
     }
     properties = {name: Amount(value, _SOLID_UNITS[name]) for name, value in values.items()}
     warnings += _odd_properties(table, properties, table_key)
-    del properties[
-        "hardness"
-    ]  # it was only needed for a warning, because it follows from the yield stress
-    if "hardness" in table or "hardness_table" in table:
-        del properties["yield_stress"]
+    # only one property states the strength: the yield stress if the hardness shall follow from it, else the hardness
+    follows_from_yield = "yield_stress" in table or "hardness_over_yield" in table
+    del properties["hardness" if follows_from_yield else "yield_stress"]
+    if "hardness_table" in table:
+        properties.pop("hardness", None)
     return properties | table
 
 

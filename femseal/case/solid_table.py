@@ -17,7 +17,7 @@ from ..contact import (
     law_of_coating,
 )
 from ..contact.hardness_curves import SMALLEST_DEPTH
-from ..materials import HARDNESS_FACTOR, Coated, Solid
+from ..materials import HARDNESS_FACTOR, Coated, Solid, named_solid
 from .completion import HARDNESS_COLUMNS
 from .faults import invalid_value
 from .quantity_types import (
@@ -74,7 +74,7 @@ class CoatingTable(Table):
         "thickness of the coating", start="20 um", since="0.2"
     )
     name: str | None = key(
-        "name of a metal, which gives `young`, `poisson` and `yield_stress`",
+        "name of a metal, which gives `young`, `poisson` and `hardness`",
         None,
         example="silver, annealed",
         since="0.2",
@@ -164,14 +164,14 @@ class SolidTable(Table):
         instead="hardness",
     )
     name: str | None = key(
-        "name of a metal, which gives `young`, `poisson` and `yield_stress`",
+        "name of a metal, which gives `young`, `poisson` and `hardness`",
         None,
         example="copper, soft",
         since="0.2",
         max_length=60,
     )
     coating: CoatingTable | None = key(
-        "coating of the solid, with `thickness`, and `name` or `young`, `poisson` and `yield_stress`",
+        "coating of the solid, with `thickness`, and `name` or `young`, `poisson` and `hardness`",
         None,
         example={"name": "silver, annealed", "thickness": "20 um"},
         since="0.2",
@@ -208,6 +208,20 @@ class SolidTable(Table):
         hardness = rows[0][1] if rows else self.hardness
         ratio = self.hardness_over_yield
         return Solid(self.young, self.poisson, self.yield_stress, hardness, ratio)
+
+    @property
+    def body_yield_stress(self) -> float:
+        """Yield stress [Pa] of the solid below its surface, inf if it does not yield.
+
+        It is the yield stress that the case gives, else that of the named metal. Of a solid whose hardness alone is
+        known, it is at most the hardness divided by 2.8, which is the yield stress of the hardened metal.
+        """
+        solid = self.solid
+        if solid.yield_stress is None and self.name is not None:
+            solid = named_solid(self.name)
+        if solid.yield_stress is not None:
+            return solid.yield_stress
+        return _hardness_of(solid) / HARDNESS_FACTOR
 
     @property
     def body(self) -> Solid | Coated:

@@ -127,8 +127,8 @@ def _load_warnings(scene: Scene) -> Iterator[str]:
     if isfinite(hardness) and highest > _FLATTENING_FRACTION * hardness:
         yield (
             "Most of the surface is plastic, for which the model is not made: the nominal pressure of "
-            f"{to_text(highest, 'Pa')} is {highest / hardness:.0%} of the hardness {to_text(hardness, 'Pa')}. Check "
-            "the units of loads and hardness"
+            f"{to_text(highest, 'Pa')} is {highest / hardness:.0%} of the hardness {to_text(hardness, 'Pa')}. Judge "
+            "these loads by the upper end of the interval, or check the units of loads and hardness"
         )
 
 

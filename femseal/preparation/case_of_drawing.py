@@ -21,27 +21,10 @@ from ..base.leak_units import LEAK_UNITS
 from ..case.case import Case
 from ..case.reading import parse_case
 from ..case.template import as_toml
-from ..materials import METALS, named_solid
+from ..materials import METALS, VICKERS_PRESSURE, named_solid
 from ..topography.profile_roughness import profile_roughness
 from .surface import condition_surface
 
-#: Vickers hardness of metals as delivered [HV], typical values of data sheets. For annealed metals it is much higher
-#: than 2.8 times the yield stress, because they harden under the indenter.
-VICKERS = {
-    "steel 304/316, annealed": 160,
-    "steel 1.4571, annealed": 160,
-    "Inconel 718, aged": 420,
-    "copper, soft": 45,
-    "copper, half hard": 85,
-    "aluminium 1050, soft": 20,
-    "aluminium 6061-T6": 107,
-    "nickel 200, annealed": 90,
-    "silver, annealed": 25,
-    "soft iron": 75,
-}
-#: Mean contact pressure of an indentation of 1 HV [Pa]. The Vickers hardness is the force divided by the area of the
-#: faces of the pyramid, 1 kgf/mm²; the contact pressure refers to the projected area, which is sin 68° = 0.9272 of it.
-VICKERS_PRESSURE = 9.80665e6 / 0.9272
 #: Ratio Rz/Ra from which the heights of the surface are estimated before they are scaled.
 _RZ_OVER_RA = 5.0
 #: Largest width of a generated surface, in spacings of the machining marks. Up to this width, the surface is as wide as
@@ -229,7 +212,9 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
         expected = f"at most half the breadth of the contact area, {to_text(breadth / 2, 'm')}"
         raise InputError("--pitch", texts["pitch"], expected)
     metal = _metal_name(texts["metal"])
-    hardness = _hardness(texts.get("hardness", f"{VICKERS[metal]} HV"))
+    solid = named_solid(metal)
+    assert solid.hardness is not None
+    hardness = _hardness(texts["hardness"]) if "hardness" in texts else solid.hardness
     area = pi / 4 * (outer**2 - inner**2)
     if "force" in texts:
         force = _positive("force", texts["force"], "N")
@@ -260,20 +245,20 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
     )
 
 
-def _metal_name(text: str) -> str:
-    """Return the name in `METALS` of a metal, which the user may have written in another way."""
-    solid = named_solid(text)  # raises an InputError for an unknown name
-    for name, (known_solid, _source) in METALS.items():
-        if known_solid == solid:
-            return name
-    return ""
-
-
 def _one_of(name: str, text: str, choices: tuple[str, ...]) -> str:
     """Return a choice in lower case; raise InputError if it is not one of the choices."""
     if text.lower() not in choices:
         raise InputError(name, shown(text), f"one of {', '.join(choices)}")
     return text.lower()
+
+
+def _metal_name(text: str) -> str:
+    """Return the name of a metal as `METALS` spells it; raise InputError if the metal is unknown."""
+    try:
+        solid = named_solid(text)
+    except InputError as error:
+        raise InputError("--metal", error.given, error.expected) from None
+    return next(name for name, (known, _) in METALS.items() if known is solid)
 
 
 def _positive(name: str, text: str, unit: str) -> float:
@@ -434,7 +419,6 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
         face["ra"] = to_text(drawing.ra, "m", 6)
     if drawing.rz is not None:
         face["rz"] = to_text(drawing.rz, "m", 6)
-    metal = named_solid(drawing.metal)
     stochastic = {"length": to_text(drawing.length, "m", 5)}
     if size.breadth is not None:
         stochastic["breadth"] = to_text(size.breadth, "m", 5)
@@ -447,8 +431,7 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
         "seed": 1,
         "face": face,
         "material": {
-            "young": to_text(metal.young, "Pa"),
-            "poisson": metal.poisson,
+            "name": drawing.metal,
             "hardness": to_text(drawing.hardness, "Pa", 3),
         },
         "counter_material": {"young": "210 GPa", "poisson": 0.3},
@@ -554,7 +537,10 @@ def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str
         ("face", "feed_error"): "scatter from mark to mark, which no drawing states",
         ("face", "ra"): compared,
         ("face", "rz"): compared,
-        ("material", "young"): f"{assumed('metal')}{drawing.metal}",
+        (
+            "material",
+            "name",
+        ): f"{assumed('metal')}gives Young's modulus, Poisson's ratio and yield stress",
         ("material", "hardness"): hardness_comment,
         ("counter_material", "young"): "assumed: steel, harder than the other face",
         ("load", "unload_from"): force_comment,

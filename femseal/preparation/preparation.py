@@ -45,6 +45,7 @@ from .grooves import groove_warnings, layout_with_grooves
 from .keys import MAP_KEYS, SCENE_KEYS, SEAL_KEYS, errors_with_keys
 from .measurement import filter_warnings, form_check_pressures, is_measured
 from .memory import check_memory, check_memory_of_tiles, refuse_impossible_sizes
+from .ring_yield import ring_yield_warnings
 from .surface import condition_surface
 
 
@@ -318,6 +319,7 @@ def prepare(case: Case) -> Prepared:
                 *case.named_warnings,
                 *conditioned.conditioning.reading,
                 *scene_warnings(scene),
+                *ring_yield_warnings(case, max(step.pressure for step in scene.steps)),
                 *_test_fluid_warnings(case),
                 *filter_warnings(case, surface, conditioned.conditioning),
                 *groove_warnings(case, surface),

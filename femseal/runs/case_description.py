@@ -114,8 +114,10 @@ def solids_text(case: Case) -> str:
     if low == np.inf:  # neither of them yields
         return text
     low_text = to_text(low, "Pa")
-    high_text = to_text(high, "Pa") if high < np.inf else "no pressure"
-    return f"{text}; the {softer} yields, at {low_text}, and the other at {high_text}"
+    other = (
+        f"the other yields at {to_text(high, 'Pa')}" if high < np.inf else "the other is elastic"
+    )
+    return f"{text}; the {softer} is the softer one and yields at {low_text}, {other}"
 
 
 def _solid_text(solid: SolidTable) -> str:

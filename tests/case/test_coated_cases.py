@@ -48,9 +48,18 @@ def case_of(material=None, counter=None, **others):
 def test_a_coating_by_name_is_the_pair_of_bodies_and_its_law():
     case = case_of(SILVER)
     steel, silver = (fs.named_solid(n) for n in ("steel 304/316, annealed", "silver, annealed"))
-    assert case.modulus == (fs.Coated(steel, silver, 20e-6), fs.named_solid("Inconel 718, aged"))
+    coated, inconel = case.modulus
+    assert coated.thickness == 20e-6
+    for body, solid in ((coated.substrate, steel), (coated.layer, silver)):
+        assert (body.young, body.poisson, body.hardness) == (
+            solid.young,
+            solid.poisson,
+            solid.hardness,
+        )
+    assert inconel.young == fs.named_solid("Inconel 718, aged").young
     hardness = case.law.yield_pressure(np.array([0.0, 19e-6, 30e-6, 1e-3]))
-    assert_allclose(hardness, 2.8e6 * np.array([54, 54, 205, 205]))
+    # 25 HV and 160 HV, as contact pressures
+    assert_allclose(hardness, 9.80665e6 / 0.9272 * np.array([25, 25, 160, 160]))
     assert "coating of 20 µm, silver" in solids_text(case)
 
 
@@ -176,11 +185,11 @@ def test_a_coating_costs_no_evaluation_at_points_that_stay_in_it(thickness, most
     gap0 = face.heights.max() - face.heights
     plain, steel = (contact_law(solid.hardness) for solid in (body.layer, body.substrate))
     law = Counted(plain, steel, thickness)
-    contact = fs.solve_contact(gap0, half_space, pressure=8e7, hardness=law)
+    contact = fs.solve_contact(gap0, half_space, pressure=1.4e8, hardness=law)
     assert contact.plastic_fraction > 0.4
     assert sum(law.points) < most * gap0.size
     if contact.plastic_deformation.max() < thickness:
-        metal = fs.solve_contact(gap0, half_space, pressure=8e7, hardness=plain)
+        metal = fs.solve_contact(gap0, half_space, pressure=1.4e8, hardness=plain)
         np.testing.assert_array_equal(contact.pressure, metal.pressure)
         assert contact.fft_pairs == metal.fft_pairs
     else:

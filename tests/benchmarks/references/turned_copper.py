@@ -7,7 +7,10 @@ bisection; the grooves themselves are still open.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from femseal import HalfSpace, named_solid, solve_contact, turned
+from femseal.materials import HARDNESS_FACTOR
 
 from .faces import percolates
 
@@ -35,7 +38,8 @@ def turned_copper(pitches=(48e-6, 96e-6, 192e-6), depths=(1e-6, 3e-6, 10e-6)):
     """Range of the closing loads [Pa] over pitches and depths, by hardness."""
     found = {}
     for name in NAMES:
-        solid = named_solid(name)
+        # as if the metal did not harden under an indenter
+        solid = replace(named_solid(name), hardness=None, hardness_over_yield=HARDNESS_FACTOR)
         loads = [closing_load(pitch, depth, solid) for pitch in pitches for depth in depths]
         found[name] = min(loads), max(loads)
     return found

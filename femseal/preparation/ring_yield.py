@@ -1,0 +1,58 @@
+"""Warn if the load makes the softer of the two solids yield as a whole, which no contact model of rough faces shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..base import to_text
+from ..case.case import Case
+from ..case.solid_table import SolidTable
+from ..materials import RING_YIELD
+
+
+def ring_yield_warnings(case: Case, highest_pressure: float) -> Iterator[str]:
+    """Warn if the nominal pressure exceeds the one at which a ring of the weaker solid yields between flat faces.
+
+    The body below a coating counts, and not the coating, which is too thin to be squeezed out. A solid with a seat is
+    left out, because its line contact has a check of its own.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    highest_pressure : float
+        Highest nominal pressure of the load cycle [Pa].
+    """
+    if case.seat.kind != "flat":
+        return
+    solids = {"material": case.material, "counter_material": case.counter_material}
+    yield_stresses = {
+        key: table.body_yield_stress for key, table in solids.items() if table is not None
+    }
+    weaker = min(yield_stresses, key=yield_stresses.__getitem__)
+    yield_stress = yield_stresses[weaker]
+    limit = RING_YIELD * yield_stress
+    if highest_pressure <= limit:
+        return
+    limit_text = to_text(limit, "Pa", 3)
+    if case.load.unit != "Pa":
+        load = case.load.highest * limit / highest_pressure
+        limit_text = f"{to_text(load, case.load.unit, 3)} ({limit_text})"
+    table = solids[weaker]
+    assert table is not None
+    yield (
+        f"The softer part may yield as a whole: a ring of [{weaker}] between flat faces is squeezed thinner and wider "
+        f"from about {limit_text} on, {RING_YIELD:.3g} times {_yield_stress_text(table)}, and the case loads it up to "
+        f"{to_text(highest_pressure, 'Pa', 3)}. Results above that load hold only for a ring in a groove, a ring that "
+        "is already hardened, or a thick flange. Otherwise lower the load, widen the contact, or take a harder metal"
+    )
+
+
+def _yield_stress_text(table: SolidTable) -> str:
+    """Write the yield stress of a solid, and how it is known."""
+    text = f"its yield stress of {to_text(table.body_yield_stress, 'Pa', 3)}"
+    if table.yield_stress is not None:
+        return text
+    if table.name is not None:
+        return f"{text} as delivered"
+    return f"{text}, which is estimated as its hardness divided by 2.8 and is lower for an annealed metal"
