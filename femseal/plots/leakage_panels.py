@@ -22,7 +22,9 @@ _FARTHEST_LIMIT = 30.0
 #: Height of the name of a leakage class beside the axis, as a fraction of the axis.
 _NAME_HEIGHT = 0.05
 #: Height of the strip for sealed loads at the bottom of the axis, as a fraction of the axis.
-_STRIP = 0.08
+_STRIP = 0.12
+#: Heights of the markers and of the word "sealed" in this strip, as fractions of the strip.
+_MARKER_IN_STRIP, _NAME_IN_STRIP = 0.28, 0.7
 #: Largest and smallest number of decades that the leakage axis covers, without its margins.
 _MOST_DECADES, _FEWEST_DECADES = 15, 0.5
 #: Margins of the leakage axis below and above the values, as fractions of the decades that they cover.
@@ -222,7 +224,8 @@ def set_leakage_axis(axes: Axes, values: Array) -> None:
         Rectangle((0, 0), 1, strip, transform=axes.transAxes, color="#E4E4E4", lw=0, zorder=0)
     )
     style: Any = {"xycoords": "axes fraction", "ha": "center", "va": "center"}
-    axes.annotate("sealed", (0.5, strip / 2), color=GREY, fontsize=7, **style)
+    # above the markers of `leakage_line`, which may be anywhere along the strip
+    axes.annotate("sealed", (0.5, _NAME_IN_STRIP * strip), color=GREY, fontsize=7, **style)
 
 
 def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
@@ -244,7 +247,9 @@ def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
     """
     (line,) = axes.plot(load, np.where(leakage > 0, leakage, np.nan), **style)
     sealed_loads = load[leakage == 0]
-    heights = np.full(sealed_loads.size, _STRIP / 2)  # as fractions of the height of the axes
+    heights = np.full(
+        sealed_loads.size, _MARKER_IN_STRIP * _STRIP
+    )  # as fractions of the height of the axes
     marker_style = style | {"ls": "", "label": None}
     axes.plot(sealed_loads, heights, transform=axes.get_xaxis_transform(), **marker_style)
     return line

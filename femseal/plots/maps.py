@@ -53,8 +53,17 @@ _FLOW = "#D7191C"
 
 
 def default_step(data: xarray.Dataset) -> int:
-    """Return the index of the step with the highest load that still leaks, 0 if no step leaks."""
-    leaking = np.flatnonzero(np.nan_to_num(surface_leakage(data)))
+    """Return the index of the step with the highest load that still leaks, 0 if no step leaks.
+
+    Near closing, the surface may leak only along a path that winds through several cells, so that no single cell and no
+    tile of the realisation lets fluid pass. A lower load is then taken, at which the realisation shows a flow.
+    """
+    leaks = np.nan_to_num(surface_leakage(data)) != 0  # (step,)
+    if "drawn_flux" in data:
+        tiles_leak = np.any(np.nan_to_num(data["drawn_flux"].values) != 0, axis=(1, 2))  # (step,)
+        if np.any(leaks & tiles_leak):
+            leaks &= tiles_leak
+    leaking = np.flatnonzero(leaks)
     if not leaking.size:
         return 0
     return int(leaking[np.argmax(data["nominal_pressure"].values[leaking])])

@@ -115,7 +115,7 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
 
     simulated_fraction = data["drawn_corners"].attrs["part"]
     row_heights = [map_row_height(tuple((panel.high - panel.low).tolist())) for panel in panels]
-    sheet = Sheet(row_heights, head=0.22 if simulated_fraction == 1 else 0.36)
+    sheet = Sheet(row_heights, head=0.36 if simulated_fraction == 1 else 0.5)
     for row, panel in enumerate(panels):
         axes = sheet.panel(row, MAP)
         unit, unit_name = _set_up_axes(axes, panel)
@@ -130,7 +130,9 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
             draw_streamlines(axes, corners / unit, flux, panel.values.streamlines)
             draw_main_path(axes, corners / unit, flux, centre_of_largest_flow / unit)
     number = data["drawn_corners"].attrs["realisation"]
-    title = f"{load_names(data)[step]}; realisation {number}, nearest to the median"
+    title = f"{load_names(data)[step]}\nrealisation {number}, nearest to the median"
+    if not flow.max() > 0:
+        title += ": no flow through the tiles"
     if simulated_fraction < 1:
         title += f"\nsimulated: {100 * simulated_fraction:.2g} % of the length of the seal"
     sheet.head(title)

@@ -352,6 +352,14 @@ def case_of_face(
     lines += surface_table
     for table, question in _OPEN_QUESTIONS.items():
         lines += ["", f"# ? {question}", *table_to_paste(Case, table).splitlines()]
+    lines += [
+        "",
+        "# ? how long is the seal (of a ring: its mean circumference), and how wide is its contact from inlet to",
+        "# outlet? Without these keys, the results are those of a seal as long and as wide as the map",
+        "[stochastic]",
+        '# length = "160 mm"',
+        '# breadth = "2 mm"',
+    ]
     return "\n".join(lines) + "\n"
 
 

@@ -7,7 +7,7 @@ assembly load, which action would help most, and whether the requested accuracy 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from math import inf, isfinite, log1p
+from math import inf, isfinite, log1p, nan
 
 from ..base import TextTable, format_deviation, to_text
 from ..base.leak_rates import leak_classes
@@ -66,6 +66,19 @@ def verdict_paragraphs(
     paragraphs.append(_about_accuracy(results))
     paragraphs.append(_hints(results, verdicts))
     return [paragraph for paragraph in paragraphs if paragraph]
+
+
+def seal_name(results: Results) -> str:
+    """Return "the whole seal", or the length that was assumed for the seal if the case does not state its length."""
+    case = results.case
+    is_strip = (case.get("seal") or {}).get("kind", "rectangular") == "rectangular"
+    has_length = "length" in (case.get("stochastic") or {})
+    if not case or not is_strip or has_length:
+        return "the whole seal"
+    length = to_text(results.dataset.attrs["seal_size_m"][1], "m", 3)
+    return (
+        f"{length} of seal, as long as the surface, because the case states no length of the seal,"
+    )
 
 
 def verdict_lines(results: Results, verdicts: Sequence[Verdict] | None = None) -> list[str]:
@@ -164,11 +177,10 @@ class _Answer:
 
     def about_leakage(self, with_cycle: bool) -> Paragraph:
         """Say how much the whole seal leaks at the assembly load, and how this changes over the load cycle."""
-        subject = f"Leakage of the whole seal with {self.fluid}"
+        seal = seal_name(self.results)
+        subject = f"Leakage of {seal} with {self.fluid}"
         if self.has_test:
-            subject = (
-                f"Leakage of the whole seal in the test with {self.fluid}{self._test_pressures()}"
-            )
+            subject = f"Leakage of {seal} in the test with {self.fluid}{self._test_pressures()}"
         sentence = (
             f"{subject}, at the assembly load of {self.assembly_load}: {self.assembly_leakage()}"
         )
@@ -216,10 +228,20 @@ class _Answer:
             return []
         leakage = abs(float(results.leakage.values[self.step]))
         name = (results.case.get("fluid") or {}).get("name") or results.dataset.attrs["fluid"]
-        basis = results.leak_basis
-        unit = basis.usual_unit(leakage if isfinite(leakage) else 0.0)
-        text = with_leak_unit(format_leakage(leakage, basis.factor(unit)), unit)
-        return [f"In service with {name} the whole seal leaks as computed there: {text}."]
+        basis, budget = results.leak_basis, results.budget
+        lower = upper = nan
+        if budget is not None:
+            lower, upper = float(budget.lower[self.step]), float(budget.upper[self.step])
+        # a leakage of zero has no suitable unit, but its upper end has
+        size = leakage or upper
+        unit = basis.usual_unit(size if isfinite(size) else 0.0)
+        factor = basis.factor(unit)
+        text = with_leak_unit(format_leakage(leakage, factor), unit)
+        if budget is not None and isfinite(leakage):
+            ends = with_leak_unit(format_interval(lower, upper, factor, leakage), unit)
+            text += f" (95 % interval {ends})"
+        seal = seal_name(results)
+        return [f"In service with {name}, the leakage of {seal} as computed there: {text}."]
 
     def about_measures(self, verdicts: Sequence[Verdict]) -> Paragraph:
         """Say which action would narrow the interval most, and which would lower the leakage if a class is not met."""

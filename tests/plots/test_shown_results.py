@@ -19,7 +19,13 @@ import femseal as fs
 from femseal.base import InputError, Shown
 from femseal.base.leak_units import leakage_unit
 from femseal.base.text import value_text
-from femseal.plots.leakage_panels import LeakageCurves, leakage_panel, limit_lines
+from femseal.plots.leakage_panels import (
+    LeakageCurves,
+    leakage_line,
+    leakage_panel,
+    limit_lines,
+    set_leakage_axis,
+)
 from femseal.plots.map_panels import clip_to_decades
 
 MODULUS, HARDNESS = 115e9, 1.4e9
@@ -161,6 +167,21 @@ def test_leakages_are_drawn_together(shown):
     line = next(line for line in alone.lines if line.get_label() == "loading")
     factor, _ = leakage_unit(shown["deterministic"].leakage)
     assert_allclose(line.get_ydata() * factor, shown["deterministic"].leakage[:2])
+
+
+def test_no_marker_covers_the_word_sealed():
+    figure = Figure(figsize=(3.4, 3))
+    axes = figure.add_axes((0.25, 0.2, 0.7, 0.75))
+    load = np.linspace(1, 10, 40)
+    leakage = np.where(load < 2, 1e-6, 0.0)
+    set_leakage_axis(axes, leakage)
+    leakage_line(axes, load, leakage, marker="s", ms=4)
+    FigureCanvasAgg(figure).draw()
+    (word,) = axes.texts
+    (_, markers) = axes.lines
+    centres = axes.transAxes.transform(np.column_stack([np.zeros(1), markers.get_ydata()[:1]]))
+    top_of_markers = centres[0, 1] + markers.get_markersize() / 72 * figure.dpi / 2
+    assert top_of_markers < word.get_window_extent().y0 + 1
 
 
 def test_pyplot_shows_pictures(shown):

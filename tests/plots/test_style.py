@@ -19,7 +19,8 @@ from small_cases import TABLES, steel_scene
 import femseal as fs
 from femseal.base import InputError
 from femseal.plots.heights import draw_heights, survey_figure
-from femseal.plots.maps import relative_flow
+from femseal.plots.maps import default_step, relative_flow
+from femseal.plots.realisations import realisation_figure
 from femseal.plots.streamlines import draw_main_path, draw_streamlines
 from femseal.plots.style import PAGE, rendered
 from femseal.results import assemble
@@ -61,6 +62,19 @@ def test_every_picture_is_as_wide_as_a_column_and_has_units_on_its_axes(figures)
                     assert UNIT.search(image.colorbar.ax.get_xlabel()), name
             assert "[" not in axes.get_title()
         assert figure._suptitle is None or "[" not in figure._suptitle.get_text()
+
+
+def test_maps_show_a_load_at_which_the_tiles_leak(results):
+    """Near closing the surface may leak past all of its cells, and the tiles of the realisation then show no flow."""
+    data = results.dataset.copy(deep=True)
+    highest = default_step(data)
+    data["drawn_flux"][highest] = 0.0
+    lower = default_step(data)
+    assert lower != highest
+    assert np.any(data["drawn_flux"].values[lower] != 0)
+    assert "no flow through the tiles" in realisation_figure(data, highest)._suptitle.get_text()
+    data["drawn_flux"][:] = 0.0
+    assert default_step(data) == highest
 
 
 def test_letters_can_be_read_in_print(figures):

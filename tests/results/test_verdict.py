@@ -290,12 +290,20 @@ def test_without_a_class_leakage_and_cycle_are_said_in_usual_units(study):
 
 def test_with_a_test_fluid_the_test_is_said_first(study):
     case = {"output": {"test_fluid": {"name": "helium"}}, "fluid": {"name": "water"}}
+    case["stochastic"] = {"length": 0.1}
     lines = results_of(study, LEAKAGE, 3 * LEAKAGE, case=case).verdict_lines
     assert lines[0].startswith(
         "Leakage of the whole seal in the test with helium from 100 kPa to 0 Pa"
     )
     assert "mbar·L/s" in lines[0]
-    assert lines[1].startswith("In service with water")
+    assert re.match(
+        r"In service with water, the leakage of the whole seal .*\(95 % interval", lines[1]
+    )
+    # without a length in the case, the seal is only as long as the surface
+    del case["stochastic"]
+    first, service = results_of(study, LEAKAGE, 3 * LEAKAGE, case=case).verdict_lines[:2]
+    for line in (first, service):
+        assert "of seal, as long as the surface, because the case states no length" in line
 
 
 def test_reached_accuracy_is_said(study):
