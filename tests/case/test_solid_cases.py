@@ -59,7 +59,7 @@ def test_a_name_fills_in_what_is_not_given():
     assert own.named_warnings == ()
 
 
-@each("name", METALS)
+@pytest.mark.parametrize("name", METALS)
 def test_a_metal_by_its_name_has_the_hardness_of_an_indentation_in_every_path(name):
     """In a case, as a coating, in Python and from a drawing; a hardness or a yield stress of the case comes first."""
     hardness = fs.named_solid(name).hardness
