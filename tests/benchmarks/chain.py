@@ -162,7 +162,9 @@ def report(records):
     told = ", ".join(f"{shown(name)} {tolerance:g}" for name, tolerance in TOLERANCES.items())
     return f"""{table(head, cells)}
 
-Tolerances of the contact solvers: {told}. {failures(records, "contact", "n")}"""
+Tolerances of the contact solvers: {told}.
+
+{failures(records, "contact", "n")}"""
 
 
 if __name__ == "__main__":

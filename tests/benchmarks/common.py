@@ -136,26 +136,37 @@ def print_report(script: str, title: str, text: str, write: bool) -> None:
 
 
 def table(head: list[str], cells: Iterable[Iterable[Any]]) -> str:
-    """A Markdown table."""
+    """Write a Markdown table."""
     lines = [head, ["---"] * len(head), *cells]
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
 def ratio(record: dict[str, Any] | None, own: dict[str, Any]) -> str:
-    """Time of a peer as a multiple of ours; "–" if it was not run."""
+    """Return the time of another program as a multiple of the time of femseal, or "–" if it was not run."""
     if record is None:
         return "–"
     return "failed" if "failure" in record else f"{record['seconds'] / own['seconds']:.3g}×"
 
 
 def failures(records: Iterable[dict[str, Any]], *names: str) -> str:
-    """The sentence that names what failed by these values of its task."""
-    told = [
-        f"{', '.join(str(r[name]) for name in names)}: {r['failure']}"
-        for r in records
-        if "failure" in r
-    ]
-    return f"Failures ({', '.join(names)}): {'; '.join(told)}." if told else "Failures: none."
+    """List the runs that failed as Markdown, each with the values of its task and the reason."""
+    lines = []
+    for record in records:
+        if "failure" not in record:
+            continue
+        values = []
+        for name in names:
+            value = record[name]
+            if isinstance(value, float):
+                values.append(f"{name} = {value:g}")
+            elif isinstance(value, str):  # the name of the program
+                values.append(value)
+            else:
+                values.append(f"{name} = {value}")
+        lines.append(f"- {', '.join(values)}: {record['failure']}")
+    if not lines:
+        return "No run failed."
+    return "\n".join(["These runs failed (quantities in SI units):", "", *lines])
 
 
 def read_rows(paths: Iterable[str | Path]) -> list[dict[str, str]]:
