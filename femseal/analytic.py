@@ -485,6 +485,7 @@ def critical_junction(
     mean_gap = float(gap[0])  # without any waves, the whole surface is in apparent contact
     if area[-1] >= closing:
         return Junction(float(area[-1]), 0.0, mean_gap)
+    # gap at the resolution at which the contact fraction falls to `closing`, interpolated in its logarithm
     gap_at_closing = float(np.interp(-log(closing), -np.log(area), np.append(gap, 0.0)))
     return Junction(float(area[-1]), min(_PASSAGE * gap_at_closing, mean_gap), mean_gap)
 

@@ -260,6 +260,24 @@ def _solve_programme(
             elastic_outputs[step.pressure] = solved.output
         yield solved.output
 
+    yield from _solve_unloading(stage, unloading, peaks, elastic_outputs, one_after_another, mapper)
+
+
+def _solve_unloading(
+    stage: Stage,
+    unloading: Sequence[LoadStep],
+    peaks: dict[float | None, _SolvedStep],
+    elastic_outputs: dict[float, Any],
+    one_after_another: bool,
+    mapper: Mapper,
+) -> Iterator[Any]:
+    """Yield the output of each step of the unloading from all peaks.
+
+    peaks : solved steps of the loading, by their pressures.
+    elastic_outputs : outputs of steps of the loading in which no point has yielded, by their pressures. Outputs of
+        further pressures on the loading curve are added.
+    """
+
     def follows_loading(step: LoadStep) -> bool:
         """Return whether unloading to this step follows the loading curve: no point has yielded at the peak load."""
         return not (one_after_another or peaks[step.unloaded_from].has_yielded)

@@ -251,7 +251,8 @@ def _conjugate_gradients(
         w = _preconditioned(grid, free, r, scale)
         w -= w.sum() / ones.sum() * ones
         wr = float(w @ r)
-        first_wr = first_wr or wr
+        if products == 0:
+            first_wr = wr
         lowest_wr = _DROP * first_wr if products > 0 else 0.0
         if not wr > lowest_wr:
             return step, total_response, products

@@ -160,7 +160,7 @@ class Workspace:
         if pressure.shape != self.pressure.shape:
             pressure = refined(pressure, self.pressure.shape)
         np.minimum(pressure, limit, out=self.pressure)
-        self.arrays.state[:] = self.arrays.p > 0
+        self.arrays.state[:] = self.arrays.p > 0  # 1 (elastic) or 0 (out of contact)
         self.arrays.dense[:] = 0
 
     def displacement(self) -> Array:
@@ -183,61 +183,79 @@ class Workspace:
 
     def loops(self, problem: Problem) -> Loops:
         """Return the compiled loops with the arrays of this grid and the data of a problem as their first arguments."""
-        a = self.arrays
+        arrays = self.arrays
         law = problem.hardness, problem.slope
-        near = a.near, a.near_p, a.near_v
-        free = a.free, a.place
-        stencil = a.scale, self.weights, a.rows, a.columns
+        near = arrays.near, arrays.near_p, arrays.near_v
+        free = arrays.free, arrays.place
+        preconditioner = arrays.scale, self.weights, arrays.rows, arrays.columns
 
         def bind(name: str, *arguments: Any) -> Call:
+            """Pass the first arguments to a loop, in the order of its definition."""
             return partial(self._loops[name], *arguments)
 
         return Loops(
-            respond=a.respond.apply,
-            search=a.search.apply,
+            respond=arrays.respond.apply,
+            search=arrays.search.apply,
             list_near=bind(
-                "list_near", problem.gap0, problem.offset, *law, a.p, a.v, a.state, *near, *free
+                "list_near",
+                problem.gap0,
+                problem.offset,
+                *law,
+                arrays.p,
+                arrays.v,
+                arrays.state,
+                *near,
+                *free,
             ),
-            evaluate=bind("evaluate", *law, a.state, *near, a.trial, problem.load),
+            evaluate=bind("evaluate", *law, arrays.state, *near, arrays.trial, problem.load),
             project=bind(
                 "project",
                 *law,
-                a.p,
-                a.state,
-                a.dense,
-                a.near,
-                a.near_p,
-                a.trial,
-                a.free,
-                a.response,
+                arrays.p,
+                arrays.state,
+                arrays.dense,
+                arrays.near,
+                arrays.near_p,
+                arrays.trial,
+                arrays.free,
+                arrays.response,
                 problem.load,
             ),
             restart=bind(
                 "restart",
                 *law,
-                a.state,
-                a.dense,
-                a.near_p,
-                a.near_v,
+                arrays.state,
+                arrays.dense,
+                arrays.near_p,
+                arrays.near_v,
                 *free,
-                a.r,
-                a.ones,
-                a.hardening_compliance,
-                *stencil,
+                arrays.r,
+                arrays.ones,
+                arrays.hardening_compliance,
+                *preconditioner,
             ),
-            next_direction=bind("next_direction", a.dense, a.free, a.r, a.w, a.d, a.ones, *stencil),
+            next_direction=bind(
+                "next_direction",
+                arrays.dense,
+                arrays.free,
+                arrays.r,
+                arrays.w,
+                arrays.d,
+                arrays.ones,
+                *preconditioner,
+            ),
             step=bind(
                 "step",
-                a.kd,
+                arrays.kd,
                 self.compliance,
-                a.dense,
+                arrays.dense,
                 *near,
                 *free,
-                a.r,
-                a.d,
-                a.hardening_compliance,
-                a.scale,
-                a.response,
+                arrays.r,
+                arrays.d,
+                arrays.hardening_compliance,
+                arrays.scale,
+                arrays.response,
             ),
         )
 

@@ -211,8 +211,8 @@ class PressureCurve:
     def _evaluate(self, p: Array, elements: Indices) -> Array:
         """Compute the permeabilities of some elements (n,) at their pressures p (…, n) [Pa]."""
         if self._piecewise:
-            after = np.clip(np.searchsorted(self._knots, p), 1, self._knots.size - 1)
-            interpolated, _ = self._between_knots(p, after, elements)
+            upper = np.clip(np.searchsorted(self._knots, p), 1, self._knots.size - 1)
+            interpolated, _ = self._between_knots(p, upper, elements)
             return np.asarray(np.exp(interpolated))
         x = np.log(p)
         t = self._scaled(np.clip(x, *self._range))
@@ -221,18 +221,18 @@ class PressureCurve:
         below_range = np.minimum(x - self._range[0], 0.0)
         return np.asarray(np.exp(log_k + self._slope[elements] * below_range))
 
-    def _between_knots(self, p: Array, after: Any, elements: Indices) -> tuple[Array, Any]:
+    def _between_knots(self, p: Array, upper: Any, elements: Indices) -> tuple[Array, Any]:
         """Interpolate ln k of some elements between two adjacent tabulated pressures.
 
         Outside the range between the two pressures, ln k is constant. If an element is closed at exactly one of the two
         pressures, k itself is interpolated linearly; flags of these elements are also returned.
 
-        after : index of the higher of the two pressures in the table.
+        upper : index of the higher of the two pressures in the table.
         """
-        low, high = self._knots[after - 1], self._knots[after]
+        low, high = self._knots[upper - 1], self._knots[upper]
         weight = np.clip((p - low) / (high - low), 0.0, 1.0)
-        a = self._log_k[after - 1, elements]
-        b = self._log_k[after, elements]
+        a = self._log_k[upper - 1, elements]
+        b = self._log_k[upper, elements]
         is_linear = np.isinf(np.minimum(a, b))  # ln k is −∞ where the element is closed
         with np.errstate(divide="ignore", invalid="ignore"):
             log_of_linear = np.log((1 - weight) * np.exp(a) + weight * np.exp(b))
@@ -243,16 +243,17 @@ class PressureCurve:
         # the first and the last interval, beyond the table, are unbounded
         knots = np.array([-np.inf, *self._knots, np.inf])
         total = np.zeros(low.shape)
-        for number, (knot, next_knot) in enumerate(pairwise(knots)):
+        for interval, (knot, next_knot) in enumerate(pairwise(knots)):
             # elements whose range of pressures overlaps with this interval of the table
             elements = np.flatnonzero((low < next_knot) & (high > knot) & (high > low))
             if not elements.size:
                 continue
-            after = min(max(number, 1), self._knots.size - 1)
+            # index of the tabulated pressure at the upper end, or of the nearest pair of pressures beyond the table
+            upper = min(max(interval, 1), self._knots.size - 1)
             start = np.maximum(low[elements], knot)
             end = np.minimum(high[elements], next_knot)
-            a, is_linear = self._between_knots(start, after, elements)
-            b, _ = self._between_knots(end, after, elements)
+            a, is_linear = self._between_knots(start, upper, elements)
+            b, _ = self._between_knots(end, upper, elements)
             # mean of the exponential between e^a and e^b, or of a linear function
             mean = np.exp(a)
             with np.errstate(divide="ignore", invalid="ignore"):

@@ -121,6 +121,7 @@ def solve_prepared(
     percolates = links.percolate
     has_inner_nodes = len(stencil.along) > 1
     if not (percolates and has_inner_nodes):
+        # nothing is left to solve: the potential of a node follows from the ends to which it is connected
         potential = _POTENTIAL_AT_REST.take(links.reached)
         potential[0] = 1.0
         potential[-1] = 0.0
