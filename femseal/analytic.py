@@ -455,11 +455,11 @@ def critical_junction(
     where 1/w² is half of the mean square slope of the waves between q and q′, C is the spectral density
     (⟨z²⟩ = 2π ∫ q′C dq′), and G(y) = ∫ (γ + 3(1 − γ) erf²x) e^(−x²) dx/x from y to ∞ with γ = 0.45.
 
-    The gap of the junction is taken as 2u, but not more than the mean gap. The factor 2 is the median of 100 surfaces:
-    with it, parallel plates with the gap of the junction leak as much as the surface. The theory itself would give the
-    gap d(Au)/dA. For elastic solids this is 2u to 3u, but for solids that yield it may become arbitrarily large. A
-    solid that yields is replaced by a softer elastic solid with the same contact fraction. Sources: Persson & Yang, J.
-    Phys. Condens. Matter 20, 2008, 315011; Yang & Persson, ibid., 215214.
+    The gap of the junction is taken as 2u, but not more than the mean gap. The factor 2 was determined from 100
+    surfaces: in the median, parallel plates with the gap of the junction then leak as much as the surface. The theory
+    itself would give the gap d(Au)/dA. For elastic solids this is 2u to 3u, but for solids that yield it may become
+    arbitrarily large. A solid that yields is replaced by a softer elastic solid with the same contact fraction.
+    Sources: Persson & Yang, J. Phys. Condens. Matter 20, 2008, 315011; Yang & Persson, ibid., 215214.
 
     Parameters
     ----------

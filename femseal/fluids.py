@@ -2,8 +2,8 @@
 
 If the density ρ and the viscosity η of a fluid depend on pressure only, the flow equation is linear in the pressure
 potential φ with dφ = (ρ/η) dp [kg/(m³ s)]. The mass flow rate is then the conductance times the difference of φ between
-inlet and outlet. The permeability of a gap follows from the `law` of the fluid; without this property it is that of the
-cubic law (see `femseal.flow.law`).
+inlet and outlet. The permeability of a gap follows from the flow law of the fluid, its property `law`; without this
+property, the cubic law is used (see `femseal.flow.law`).
 
 To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. No more is needed to use
 the fluid from Python. If the class is added to `FLUIDS`, a case file can choose it by its `kind`, and each of its
@@ -56,13 +56,13 @@ _BARUS = "rise of viscosity with pressure: by Barus, or by Roelands"
 
 
 def _viscosity(example: str) -> Any:
-    """Declare the parameter `viscosity` of a fluid."""
+    """Declare the parameter `viscosity` of a fluid class, for use in a case file."""
     allowed = f"a viscosity > 0, such as '{example}'"
     return parameter("Pa*s", allowed, _VISCOSITY, usual=(1e-6, 1e3), needed=_NAMELESS)
 
 
 def _density(default: float) -> Any:
-    """Declare the parameter `density` of a liquid."""
+    """Declare the parameter `density` of a liquid class, for use in a case file."""
     allowed = "a density > 0, such as '870 kg/m^3'"
     meaning = "at the reference state"
     return parameter("kg/m^3", allowed, meaning, usual=(50.0, 2.5e4), default=default)
@@ -70,7 +70,7 @@ def _density(default: float) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class _OnFaces:
-    """Implement what liquids of constant density have in common: properties at the faces and in closed pockets.
+    """Hold the properties that all liquids of constant density have, at the faces and in closed pockets.
 
     Parameters
     ----------

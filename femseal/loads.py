@@ -1,4 +1,4 @@
-"""Define load programmes: the nominal pressures of a load cycle, on loading and on unloading from peaks.
+"""Define load programmes: the nominal pressures of a load cycle, on loading and on unloading from peak loads.
 
 Loads can also be given as forces on the seal, which are converted to nominal pressures by the size of the seal. Further
 functions evaluate how the leakage depends on the load.
@@ -54,8 +54,8 @@ class LoadStep:
 class LoadProgramme(tuple[LoadStep, ...]):
     """Hold the load steps in the order in which they are solved.
 
-    The steps of the loading come first, followed by those of the unloading from each peak. A load programme is a tuple
-    of steps. `LoadProgramme.of` makes it from lists of pressures, and checks them.
+    The loading steps come first, followed by the unloading steps from each peak load. A load programme is a tuple of
+    steps. `LoadProgramme.of` makes it from lists of pressures, and checks them.
 
     Examples
     --------
@@ -84,10 +84,10 @@ class LoadProgramme(tuple[LoadStep, ...]):
         loading : sequence of float
             Rising pressures >= 0 of the loading [Pa].
         unload_from : sequence of float
-            Peaks from which the seal is unloaded [Pa]. Peaks that are not in `loading` are added to it.
+            Peak pressures from which the seal is unloaded [Pa]. Those that are not in `loading` are added to it.
         unloading : sequence of float
-            Pressures of the unloading [Pa]. The unloading from a peak consists of the pressures in this list that are
-            below the peak, in falling order.
+            Pressures of the unloading [Pa]. The seal is unloaded from each peak to those pressures of this list that
+            are below the peak, in falling order.
         unit : str
             Unit of the numbers in error messages, one of `LOAD_UNITS`. With another unit than Pa, forces can be checked
             before they are converted to pressures.
@@ -126,17 +126,17 @@ class LoadProgramme(tuple[LoadStep, ...]):
 
     @property
     def loading(self) -> tuple[float, ...]:
-        """Pressures of the loading, including the peaks [Pa]."""
+        """Pressures of the loading, including the peak pressures [Pa]."""
         return tuple(s.pressure for s in self if s.unloaded_from is None)
 
     @property
     def unload_from(self) -> tuple[float, ...]:
-        """Peaks in rising order [Pa]."""
+        """Peak pressures in rising order [Pa]."""
         return tuple(sorted({s.unloaded_from for s in self if s.unloaded_from is not None}))
 
     @property
     def unloading(self) -> tuple[float, ...]:
-        """Pressures of the steps on unloading, from any peak, in falling order [Pa]."""
+        """Pressures of all unloading steps, from any peak pressure, in falling order [Pa]."""
         stops = {s.pressure for s in self if s.unloaded_from is not None}
         return tuple(sorted(stops, reverse=True))
 
@@ -147,7 +147,7 @@ class LoadProgramme(tuple[LoadStep, ...]):
 
     @property
     def peak_indices(self) -> Indices:
-        """Index of the loading step at the peak from which each step is unloaded, (steps,).
+        """Index of the loading step at the peak load from which each step is unloaded, (steps,).
 
         For a step of the loading, it is the index of the step itself.
         """
@@ -156,7 +156,7 @@ class LoadProgramme(tuple[LoadStep, ...]):
 
     @property
     def branches(self) -> list[Indices]:
-        """Indices of the steps of the loading, followed by those of the unloading from each peak."""
+        """Indices of the loading steps, followed by the indices of the unloading steps from each peak load."""
         branches = [np.flatnonzero(self.on_loading)]
         for peak in np.unique(self.peak_indices):
             unloading = np.flatnonzero((self.peak_indices == peak) & ~self.on_loading)
@@ -266,10 +266,10 @@ def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
 
 
 def neighbouring_steps(steps: LoadProgramme) -> list[tuple[int, int]]:
-    """Return pairs of indices: that of a step, and that of the previous step on the same branch.
+    """Return index pairs (step, previous step on the same branch).
 
-    The peak counts as the step before the first step of an unloading. The first step of the loading has no previous
-    step.
+    The step before the first unloading step is the loading step at the peak load. The first step of the loading has no
+    previous step.
     """
     pairs = []
     for branch in steps.branches:

@@ -195,7 +195,10 @@ def _is_solved(
     is_fresh: bool,
     iterations: int,
 ) -> bool:
-    """Return whether the pressure is a solution: a small residual, computed with an accurate v, and the right load."""
+    """Return whether the pressure is accepted as the solution.
+
+    Its residual must be small enough and computed with an accurate v, and it must carry the load.
+    """
     if not (state.residual <= rtol and is_fresh):
         return False
     if iterations > 0:

@@ -138,15 +138,12 @@ class Convolution:
         over: Convolution | None = None,
     ) -> None:
         self._threads = threads
-        real = np.dtype(dtype)
-        complex_type = np.result_type(real, np.complex64)
         axis1 = Axis.of(shape[0], boundary[0])
         axis2 = Axis.of(shape[1], boundary[1])
         is_large = math.prod(shape) >= LARGE
         # a first axis that is not padded as a whole has one transform for its even waves and one for its odd waves
         transforms = 2 if is_large and axis1.is_padded else 1
 
-        # factors of the waves
         if over is None:
             assert symbol is not None
             self._weights = mixing_weights(symbol, axis1.is_mirror, axis2.is_mirror, transforms)
@@ -156,8 +153,22 @@ class Convolution:
                 self._weights = extend_to_all_waves(self._weights, axis1.length)
         else:
             self._weights = over._weights
+        waves = self._allocate(shape, axis1, axis2, np.dtype(dtype), transforms, over)
+        self._stages = self._plan(waves, axis1, axis2, is_large, transforms)
+        # all calls for a single thread: on small grids the time between calls matters
+        self._calls = [call for stage in self._stages for part in stage for call in part]
 
-        # memory of the waves (row, wave), of the pressure and of the displacement
+    def _allocate(
+        self,
+        shape: Shape,
+        axis1: Axis,
+        axis2: Axis,
+        real: np.dtype[Any],
+        transforms: int,
+        over: Convolution | None,
+    ) -> Any:
+        """Create the arrays of the pressure and of the displacement; return the array of the waves (row, wave)."""
+        complex_type = np.result_type(real, np.complex64)
         n_waves = axis2.length // 2 + 1  # waves of a row
         length = row_length(n_waves, complex_type.itemsize)
         n_rows = axis1.points if transforms == 2 else axis1.length
@@ -166,15 +177,19 @@ class Convolution:
         rows_of_waves = self._memory[:size].view(complex_type).reshape(n_rows, length)
         waves = rows_of_waves[:, :n_waves]
         self.pressure: Any = fftw().zeros_aligned(shape, dtype=real)
-        if is_large:
+        if math.prod(shape) >= LARGE:
             # the displacement uses the memory of the waves
             self.rows = rows_of_waves[: axis1.points].view(real)
         else:
             # transforms to other memory are a sixth faster
             self.rows = fftw().empty_aligned((axis1.points, axis2.length), real)
         self.displacement = self.rows[:, : axis2.points]
+        return waves
 
-        # calls of the three stages
+    def _plan(
+        self, waves: Any, axis1: Axis, axis2: Axis, is_large: bool, transforms: int
+    ) -> list[list[list[Call]]]:
+        """Plan the transforms; return the three stages of a product, each as one list of calls for each part."""
         with planner() as planned:
             rows: Rows | ReorderedRows
             # points are reordered along mirror axes; along the first axis of large grids, only when columns are copied
@@ -185,14 +200,12 @@ class Convolution:
             else:
                 rows = Rows(self, waves, axis2)
             transform_rows, transform_rows_back = rows.calls(planned)
-            if n_rows > axis1.points:  # the waves of the padding rows are 0
+            if len(waves) > axis1.points:  # the waves of the padding rows are 0
                 transform_rows.append([partial(waves[axis1.points :].fill, 0)])
             columns: StridedColumns | CopiedColumns
             kind_of_columns = CopiedColumns if is_large else StridedColumns
             columns = kind_of_columns(waves, axis1, axis2, self._weights, transforms)
-            self._stages = [transform_rows, columns.calls(planned, threads), transform_rows_back]
-        # all calls for a single thread: on small grids the time between calls matters
-        self._calls = [call for stage in self._stages for part in stage for call in part]
+            return [transform_rows, columns.calls(planned, self._threads), transform_rows_back]
 
     def apply(self) -> None:
         """Compute `displacement` from `pressure`."""
@@ -216,7 +229,7 @@ class Rows:
         self.length = axis2.length
 
     def calls(self, planned: Planned) -> tuple[list[list[Call]], list[list[Call]]]:
-        """Return the calls of the transforms and those of the inverse transforms, in lists for parts of the rows."""
+        """Return the calls of the transforms and of the inverse transforms, as two lists of calls for each part."""
         forward_parts = []
         backward_parts = []
         n1 = len(self.target)
@@ -266,11 +279,11 @@ class ReorderedRows(Rows):
         self.orders = order1, axis2.order
 
     def before(self, first: int, end: int) -> list[Call]:
-        """Return the call that copies the points into the order of the transform and appends zeros, as a list."""
+        """Return a list with the call that copies the points into the order of the transform and appends zeros."""
         return [partial(copy_in_order, self.pressure, self.target, *self.orders, first, end)]
 
     def after(self, first: int, end: int) -> list[Call]:
-        """Return the call that restores the order of the grid, as a list; empty if the order was not changed."""
+        """Return a list with the call that restores the order of the grid, or an empty list if it was not changed."""
         if self.displacement is None:
             return []
         return [partial(copy_back, self.target, self.displacement, *self.orders, first, end)]
@@ -281,7 +294,8 @@ class StridedColumns:
 
     waves : array (>= n1, waves), transforms of the rows.
     weights : see `mixing_weights`.
-    transforms : number of transforms along the first axis: 1, or 2 for the waves with even and those with odd numbers.
+    transforms : number of transforms along the first axis. If there are two, one gives the waves with even numbers, and
+        one the waves with odd numbers.
     """
 
     #: Number of blocks that have to fit in the cache together.
@@ -360,7 +374,7 @@ class StridedColumns:
         return self.mixing_response(block, first, count)
 
     def mixing_response(self, block: Any, first: int, count: int) -> Call:
-        """Make the call that multiplies the waves with K, for mirror axes or two transforms per column."""
+        """Make the call that multiplies the waves with K if K combines waves, or if a column has two transforms."""
         is_twisted = self.transforms > 1
         return partial(
             multiply_mixing, block, self.length, first, count, self.weights, is_twisted, *self.turns

@@ -115,8 +115,8 @@ def load_cycle(
     half_space : HalfSpace
         Elastic body and grid.
     loading, unload_from, unloading : sequence of float
-        Nominal pressures [Pa] of first loading, of the peaks from which the seal is unloaded, and of the unloading from
-        each peak; see `LoadProgramme.of`.
+        Nominal pressures [Pa] of first loading, peak pressures from which the seal is unloaded, and pressures to which
+        it is unloaded from each peak; see `LoadProgramme.of`.
     hardness : float, array (n1, n2) or ContactLaw
         Hardness [Pa], or a law; see `solve_contact`.
     rtol : float
@@ -126,7 +126,7 @@ def load_cycle(
     -------
     LoadCycle
         States in the order of the programme. During unloading, `plastic_deformation` is the deformation at the peak
-        plus any further deformation since.
+        load plus any further deformation since then.
 
     Raises
     ------
@@ -209,11 +209,12 @@ def load_states(
     rtol : float
         Target residual of each solution, see `solve_contact`.
     take : callable, optional
-        Function of a state, which is called in the process that solves the state. Its result is yielded in place of the
-        state.
+        Function that is called with each state, in the process that solves the state. Its result is yielded in place of
+        the state.
     remember : callable, optional
-        Function of a contact. Its result is passed to `solve` at the next load step as the argument `remembered`, in
-        addition to the plastic deformation. The steps of first loading are then solved one after another.
+        Function that is called with each contact. Its result is passed to `solve` at the next load step as the argument
+        `remembered`, in addition to the plastic deformation. The steps of first loading are then solved one after
+        another.
     memory : float
         Memory that is needed to solve a state and to call `take` [byte]. It limits the number of states that are solved
         at the same time.
@@ -271,11 +272,11 @@ def _solve_unloading(
     one_after_another: bool,
     mapper: Mapper,
 ) -> Iterator[Any]:
-    """Yield the output of each step of the unloading from all peaks.
+    """Solve the unloading from all peak loads, and yield the output of each step.
 
     peaks : solved steps of the loading, by their pressures.
-    elastic_outputs : outputs of steps of the loading in which no point has yielded, by their pressures. Outputs of
-        further pressures on the loading curve are added.
+    elastic_outputs : outputs of loading steps in which no point has yielded, by their pressures. Outputs of further
+        pressures on the loading curve are added.
     """
 
     def follows_loading(step: LoadStep) -> bool:

@@ -32,7 +32,7 @@ class Solution(NamedTuple):
     delta : approach δ minus the offset [m].
     residual : residual ‖p − y‖/‖y‖.
     iterations : number of iterations.
-    products : number of products with K.
+    products : number of products of K with a pressure.
     """
 
     delta: float
@@ -235,7 +235,7 @@ def _conjugate_gradients(
     -------
     step : array (free points,), change of the pressure [Pa].
     response : array (n,), displacement under the step [m].
-    products : number of products with K.
+    products : number of products of K with a pressure.
     """
     scale = 1.0 / np.sqrt(1.0 + hardening_compliance * grid.weights.max())
     ones = _preconditioned(grid, free, np.ones(free.size), scale)

@@ -18,8 +18,9 @@ response : Kd at the points near contact, in the order of the list `near`.
 dense : values at all points of the grid, 0 at points that are not free. It contains either the values to which the
     stencil is applied, or the direction d.
 weights : stencil of the preconditioner (3, 3).
-rows, columns : for each row from −1 to n1 (each column from −1 to n2), the row (column) of the grid that has the same
-    values; −1 beyond the end of a free axis, where there is none.
+rows : for the row numbers −1 to n1, the row of the grid that has the same values, because the grid is continued
+    periodically or by its mirror image; −1 beyond the end of a free axis.
+columns : the same for the column numbers −1 to n2.
 """
 
 import numpy as np

@@ -347,7 +347,8 @@ def _alternating_sum(a: Array) -> Array:
 def stiffness_stencil(half_space: HalfSpace) -> Array:
     """Compute the preconditioner of the solver: 3 × 3 weights [Pa/m] of the inverse of K, whose symbol is E*|q|/2.
 
-    If these weights are not positive definite, which happens for very long pixels, only the middle one is kept.
+    If these weights are not positive definite, which happens for very long pixels, all but the middle weight are set to
+    0.
     """
     # symbol of the inverse of K on a periodic grid of 64² pixels
     q1, q2 = (2 * np.pi * np.abs(np.fft.fftfreq(64, d)) for d in half_space.spacing)

@@ -52,8 +52,8 @@ def list_near(
 
     A point is near contact if it is in contact or if v is below the threshold `reach`.
 
-    v : on entry, the displacement of a half-space of unit modulus, which is multiplied by the compliance `factor`; the
-        heights are added with `weight` = 1. To list the points again for the same v, use `factor` = 1 and `weight` = 0.
+    factor, weight : on entry, v is the displacement of a half-space of unit modulus; `factor` is then the compliance,
+        and `weight` is 1. To list the points again without a change of v, `factor` is 1 and `weight` is 0.
 
     Returns
     -------
@@ -119,7 +119,9 @@ def list_near_in_parts(
     gap0, offset, hardness, slope, p, v, state, near, near_p, near_v, free, place,
     factor, weight, reach, _first, n_rows,
 ):  # fmt: skip
-    """Make the lists of `list_near` on several threads, each of which lists the points of some parts of the grid.
+    """Make the lists of `list_near` on several threads.
+
+    Each thread lists the points of some parts of the grid.
 
     Only a few parts are processed at a time, so that their lists need little memory. All rows are listed: the argument
     `_first` is only there because the arguments are those of `list_near`.

@@ -322,7 +322,7 @@ class _Level(NamedTuple):
     def first_guess(self) -> Array:
         """Guess the pressure: distribute the load uniformly on the highest points.
 
-        So many points are taken that their mean pressure is the hardness or 0.1 E*, whichever is smaller.
+        The number of points is chosen so that their mean pressure is the smaller of the hardness and 0.1 E*.
         """
         wanted_pressure = min(self.line.mean_hardness, 0.1 * self.half_space.pixel_modulus)
         gap0 = self.gap0
@@ -539,9 +539,9 @@ def _tangent_from_depth(
 def _increase_to_carry(law: ContactLaw, u: Array, load: float) -> float:
     """Find by how much the deformation of all points has to increase for their hardness to carry the load.
 
-    Returns 0 if their hardness cannot carry the load at any deformation that is tried. A uniform increase of the
-    deformation changes the approach, but not the pressure. It is necessary if, for example, a coating has to yield
-    through its thickness: otherwise all tangents would remain those of its constant hardness.
+    Returns 0 if no such increase is found. A uniform increase of the deformation changes the approach, but not the
+    pressure. It is necessary if, for example, a coating has to yield through its thickness: otherwise all tangents
+    would remain those of its constant hardness.
 
     u : array (n1, n2), plastic deformation [m].
     load : nominal pressure [Pa].

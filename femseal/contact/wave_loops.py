@@ -153,8 +153,8 @@ def copy_columns(columns, block, twist, order):
 def copy_columns_back(columns, block, twist, order):
     """Copy the rows of a block back to columns, as the inverse of `copy_columns`.
 
-    With a twist, a point is the sum of its value in the first half of the rows and of its value in the second half
-    times the complex conjugate of the twist.
+    With a twist, each point is the sum of two values: one from the first half of the rows, and one from the second
+    half, multiplied by the complex conjugate of the twist.
     """
     n1, count = columns.shape
     second_half = block.shape[0] // 2  # first row of the second half of the block

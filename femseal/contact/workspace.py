@@ -261,7 +261,9 @@ class Workspace:
 
 
 class Loops(NamedTuple):
-    """Compiled loops for one problem, to which the arrays have already been passed; comments list the other arguments.
+    """Compiled loops for one problem.
+
+    The arrays have already been passed to the loops. Comments list the arguments that they still need.
 
     respond : compute the displacement due to the pressure, for a half-space of unit modulus.
     search : compute the displacement due to a search direction, for a half-space of unit modulus.

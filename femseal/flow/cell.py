@@ -117,7 +117,7 @@ def cell_permeability(
         pressure is about √rtol, because the error of the permeability is the square of the error of the pressure.
     solver : "auto", or the name of a solver. "multigrid" and "elimination" take the fast path, see
         `femseal.flow.solve_flow`. "amg" (pyamg) and "direct" (factorisation) take the plain path by scikit-fem, which
-        gives the same permeability but needs many times as long.
+        gives the same permeability but takes many times as long.
     field_rtol : largest relative error of the pressure in the energy norm that an iterative solver may leave; None for
         √rtol. With 1e-6 no error is visible in a picture of the pressure.
     law : flow law, which gives the permeability of a gap between parallel plates, such as `fluid.law`; see
@@ -202,7 +202,7 @@ def cell_flow(
     field_rtol: float | None = None,
     core: tuple[int, int] | None = None,
 ) -> CellFlow:
-    """Solve the flow through a cell faster than `cell_permeability`, which computes further results.
+    """Solve the flow through a cell without computing the other results of `cell_permeability`.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ def pixel_dissipation(
     """Compute the dissipation in each pixel for a flow along x1 through a cell with periodic sides.
 
     The dissipation in a link between two pixels is shared equally by both. The dissipation in a link to the inlet or
-    the outlet belongs to its only pixel.
+    the outlet is attributed to the only pixel of this link.
 
     Parameters
     ----------

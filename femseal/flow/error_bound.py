@@ -6,7 +6,7 @@ node, its inflow less its outflow, is sent to the inlet or the outlet along a sp
 this correction bounds the error.
 
 To save time, the spanning tree does not connect nodes but *runs*. A run consists of consecutive nodes of a row; it ends
-at narrow links. The excess of a run is collected, along its row, at the node from which a link leads to the parent of
+at narrow links. The excess of a run is collected along its row at one node, from which a link leads to the parent of
 the run in the tree. Computing the bound takes about as long as a few multigrid iterations.
 """
 

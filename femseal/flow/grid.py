@@ -7,8 +7,8 @@ operator is a five-point stencil (`Stencil`). The conductance of a link is its p
 
 The gap is given at the pixel centres. A four-point cubic interpolates it at the middle of each link (`gap_on_links`).
 The interpolated gap is limited to between 0.1 times and 4 times the smaller of the two adjacent gaps. A link is
-therefore open if and only if both its pixels are open. As the gap of one of them tends to 0, the gap of the link tends
-to 0 as well, so that a barrier with a vanishing gap seals.
+therefore open if and only if both its pixels are open. As the gap of either pixel tends to 0, the gap of the link does
+so as well. A barrier whose gap vanishes therefore seals.
 
 The cubic is far below both adjacent gaps only if the gap is strongly curved at both pixels. If the second differences
 at the two pixels are very different, the larger one is reduced to at most four times the smaller one. A jump of the gap
@@ -300,7 +300,10 @@ def _midway(before, a, b, after):
 
 @inner()
 def _inside(i, n, ring):
-    """Return the index of the pixel that has the gap at index i, if the axis is continued periodically or mirrored."""
+    """Return the pixel whose gap is used at the index i, which may lie outside the grid.
+
+    The axis is continued periodically if it is a ring, and by its mirror image otherwise.
+    """
     while i < 0 or i >= n:
         if ring:
             i %= n

@@ -182,7 +182,7 @@ class MeshSystem:
 
 @dataclass(frozen=True, eq=False)
 class MeshOperators:
-    """Element matrices of a mesh with straight sides, which are kept to solve many flows on the same mesh.
+    """Element matrices of a mesh with straight sides, which are stored to solve many flows on the same mesh.
 
     Attributes
     ----------
@@ -200,8 +200,8 @@ class MeshOperators:
         ----------
         tensor : array (n, 2, 2), permeability K of each element, symmetric and positive semidefinite.
         bounds : also compute bounds of the flow, for a permeability that is constant on each element. On quadrilaterals
-            that are not parallelograms, the bounds neglect quadrature errors. Between open elements that share only a
-            corner, fluid flows in the value and in the upper bound, but not in the lower bound.
+            that are not parallelograms, the bounds neglect quadrature errors. The value and the upper bound allow flow
+            between open elements that share only a corner; the lower bound does not.
         solver : "direct" (factorisation), "amg" (pyamg), or "auto" for the solver that is expected to be faster.
 
         Returns
@@ -330,7 +330,7 @@ class MeshOperators:
     def _system(self, tensor: Array, *, of_vertices: bool) -> tuple[Connected, MeshSystem]:
         """Find the elements that carry flow, and number their vertices or their facets.
 
-        With vertices as degrees of freedom, elements that only share a corner are connected, too.
+        With vertices as degrees of freedom, elements that share only a corner are connected as well.
         """
         mesh = self.mesh
         connected = connected_elements(mesh, tensor, self.ends, through_corners=of_vertices)

@@ -140,7 +140,7 @@ def _reached_rows(begin, end, label, parent, reached):
 
 @inner()
 def _ends(parent, a):
-    """Return the ends to which the component with the label a is connected, by the numbers of `nodes_reached`.
+    """Return the ends to which the component with the label a is connected: 0 to 3, as in `nodes_reached`.
 
     The root is found without shortening the path, so that several threads can read `parent` at the same time.
     """

@@ -186,7 +186,7 @@ class PressureCurve:
         return (2 * x - self._range.sum()) / np.ptp(self._range)
 
     def mean_between(self, first: Array, second: Array, mobility: Mobility) -> Array:
-        """Compute the mean permeability ∫ k dφ/∫ dψ of each element between two pressures, which are > 0.
+        """Compute the mean permeability ∫ k dφ/∫ dψ of each element between two positive pressures.
 
         For a piecewise table and a constant mobility the mean is exact. Otherwise it is computed by Gauss quadrature.
 

@@ -48,8 +48,8 @@ class _SeamLink(NamedTuple):
     """A link over the seam, from the last column of a face to the first one.
 
     conductance : conductance of the link.
-    weights : coefficients of the potential drop over the link: the number of each node, and the factor of its
-        potential.
+    weights : the potential drop over the link is a sum of potentials times these factors, whose keys are the numbers of
+        the nodes.
     """
 
     conductance: float
@@ -185,10 +185,10 @@ def _drop_matrix(links: list[_SeamLink], nodes: int) -> sp.csr_array:
 
 
 def _links_of_full_turn(gap: Array, aspect: float, shift: int) -> list[_SeamLink]:
-    """Make the links over the seam of a face that covers a full turn.
+    """Make the links across the seam of a face that covers a full turn.
 
-    Each link leads from a row of the last column to the row of the first column that is `shift` rows further. The first
-    rows of the first column are linked to the inlet, and the last rows of the last column to the outlet.
+    Each link connects a row of the last column to the row of the first column that lies `shift` rows further on. The
+    first rows of the first column are linked to the inlet, and the last rows of the last column to the outlet.
 
     aspect : ratio of the pixel lengths Δ1/Δ2.
     """
@@ -211,7 +211,7 @@ def _links_of_full_turn(gap: Array, aspect: float, shift: int) -> list[_SeamLink
 def _links_of_partial_turn(
     cut: Stencil, conductance: Array, shift: int, weight: float
 ) -> list[_SeamLink]:
-    """Make the links over the seam of a face that covers the fraction `weight` of a turn.
+    """Make the links across the seam of a face that covers only the fraction `weight` of a turn.
 
     cut : network of the face, which is cut at the seam: it has no links from the last column to the first one.
     conductance : array (n1,), conductance of each row of the seam without a lead.
@@ -249,7 +249,7 @@ def _links_of_partial_turn(
 
 
 def _grooves(conductance: Array, shift: int) -> list[Indices]:
-    """Group the adjacent rows at which the seam is open; groups with more rows than the lead are divided."""
+    """Group adjacent rows at which the seam is open; divide groups with more rows than the lead."""
     open_rows = np.flatnonzero(conductance > 0)
     groups = np.split(open_rows, np.flatnonzero(np.diff(open_rows) > 1) + 1)
     grooves = []

@@ -1,1 +1,1 @@
-"""Solve the linear systems of the flow: multigrid, elimination, pyamg, sparse factorisation, and a choice of them."""
+"""Solve the linear systems of the flow by multigrid, elimination, pyamg or a sparse factorisation."""

@@ -149,17 +149,18 @@ def _nested_dissection(unknown, ring):
     # boxes still to be divided: first row, end of rows, first column, end of columns, parent, and whether it is a ring
     boxes = [(0, n1, 0, n2, -1, ring and n2 > 2)]
     while len(boxes) > 0:
-        a, b, c, d, above, in_ring = boxes.pop()
-        inside = nodes[b, d] - nodes[a, d] - nodes[b, c] + nodes[a, c]  # number of nodes
+        top, bottom, left, right, above, in_ring = boxes.pop()
+        # number of unknown nodes in the box
+        inside = nodes[bottom, right] - nodes[top, right] - nodes[bottom, left] + nodes[top, left]
         if inside == 0:
             continue
         # rows low1 to high1 − 1 and columns low2 to high2 − 1 of the cut, which is the whole box if it is small
-        low1, high1, low2, high2 = a, b, c, d
+        low1, high1, low2, high2 = top, bottom, left, right
         if inside > _LEAF:
-            row, in_row = _thinnest_line(nodes, a, b, c, d)
-            column, in_column = _thinnest_line(nodes.T, c, d, a, b)
+            row, in_row = _thinnest_line(nodes, top, bottom, left, right)
+            column, in_column = _thinnest_line(nodes.T, left, right, top, bottom)
             # of two equal cuts, take the one across the longer side
-            if in_row < in_column or (in_row == in_column and b - a >= d - c):
+            if in_row < in_column or (in_row == in_column and bottom - top >= right - left):
                 low1, high1 = row, row + 1
             else:
                 low2, high2 = column, column + 1
@@ -175,14 +176,14 @@ def _nested_dissection(unknown, ring):
             fronts += 1
         if inside <= _LEAF:
             continue
-        if low1 > a or high1 < b:
-            boxes.append((a, low1, c, d, above, in_ring))
-            boxes.append((high1, b, c, d, above, in_ring))
+        if low1 > top or high1 < bottom:
+            boxes.append((top, low1, left, right, above, in_ring))
+            boxes.append((high1, bottom, left, right, above, in_ring))
         elif in_ring:  # a single cut across a ring leaves a single box
-            boxes.append((a, b, high2 % n2, high2 % n2 + n2 - 1, above, False))
+            boxes.append((top, bottom, high2 % n2, high2 % n2 + n2 - 1, above, False))
         else:
-            boxes.append((a, b, c, low2, above, False))
-            boxes.append((a, b, high2, d, above, False))
+            boxes.append((top, bottom, left, low2, above, False))
+            boxes.append((top, bottom, high2, right, above, False))
     first[fronts] = n
     # reverse the fronts; places and numbers of fronts then count from the other end
     return order, n - first[fronts::-1], fronts - 1 - parent[:fronts][::-1]
@@ -217,10 +218,9 @@ def _thinnest_line(nodes, first, end, left, right):
 def _eliminate_fronts(first, parent, later, conductance):
     """Eliminate all nodes; return the conductance between inlet and outlet, and the two potentials of `_potentials`.
 
-    A front has p nodes. Its border consists of the q nodes with later places to which the nodes of the front are
-    linked. The array `front` (p, p + q) has the links from the nodes of the front to each other and to the border;
-    `fill_in` (q, q) has the links within the border that elimination creates. They are added to the parent of the
-    front.
+    A front has p nodes. Its border consists of the q later nodes to which these nodes are linked. The array `front` (p,
+    p + q) has the links from the nodes of the front to each other and to the border; `fill_in` (q, q) has the links
+    within the border that elimination creates. They are added to the parent of the front.
     """
     n, fronts = len(later), parent.size
     # for each node, 1 over the sum of its conductances at the time of its elimination

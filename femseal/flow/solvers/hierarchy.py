@@ -51,8 +51,8 @@ class Level(NamedTuple):
     b : right-hand side of a cycle.
     x : approximate solution during a cycle.
     r : residual during a cycle, and solution at its end.
-    weights : interpolation weights (…, …, 3, 3) of each node of the next coarser level at the 3 × 3 nodes of this level
-        around it.
+    weights : array (…, …, 3, 3). A node of the next coarser level has 3 × 3 weights, with which its value contributes
+        to the nodes of this level around it.
     """
 
     links: tuple[Singles, Singles, Singles, Singles]
@@ -319,10 +319,10 @@ def _wrap_weights(w, i, a):
 
 
 @by_rows(**REORDERED)
-def _galerkin_product(first, end, w, operator, is_nine_point, ring, to):
+def _galerkin_product(first, end, w, operator, is_nine_point, ring, coarse):
     """Compute the Galerkin product PᵀAP for some rows of the next level.
 
-    to : array (5, …, …), diagonal and the four kinds of conductances of the next level.
+    coarse : array (5, …, …) for the result: the diagonal and the four kinds of conductances of the next level.
     """
     centre, right, below, below_right, below_left = operator
     n1 = centre.shape[0] - 2
@@ -374,12 +374,12 @@ def _galerkin_product(first, end, w, operator, is_nine_point, ring, to):
                         if 0 <= x <= 4:
                             s += w[ci + di, cj + dj, a, b] * row[y, x]
                 out[k] = s
-            to[0, ci, cj] = out[0]
+            coarse[0, ci, cj] = out[0]
             for k in range(1, 5):
-                to[k, ci, cj] = -out[k]
+                coarse[k, ci, cj] = -out[k]
         if ring:
             for k in range(1, 5):
-                wrap_row(to[k, ci])
+                wrap_row(coarse[k, ci])
 
 
 @leader(**REORDERED)

@@ -49,7 +49,7 @@ _EXTRAPOLATED_FROM = 10
 
 
 def coarsest_nodes(n1: int, n2: int) -> int:
-    """Count the nodes of the coarsest possible level for n1 × n2 unknowns; slender grids have many of them."""
+    """Count the nodes of the coarsest possible level for n1 × n2 unknowns; slender grids have a large number."""
     rows, columns = n1 + 2, n2 + 2  # with a border of one node
     while min(rows, columns) - 2 > FEWEST:
         rows, columns = coarser_shape(rows, columns)
@@ -384,9 +384,9 @@ def _prolong(first, end, x, coarse, w, ring):
 def _apply_to_row(network, p, i, flow_to_right, y):
     """Compute row i of A p from differences of p, and write it to y.
 
-    p and y have a border of one node, which is 0 at the ends; the conductances have no border. The flow from each node
-    of the row to the next one is stored in the work array `flow_to_right`. Separate loops over few arrays compile to
-    vector instructions and take a third of the time of a single loop.
+    p and y have a border of one node, in which they are 0 beyond inlet and outlet; the conductances have no border. The
+    flow from each node of the row to the next one is stored in the work array `flow_to_right`. Separate loops over few
+    arrays compile to vector instructions and take a third of the time of a single loop.
     """
     along, across, ring = network
     n2 = along.shape[1]
@@ -439,7 +439,7 @@ def _update_solution(first, end, x, others, network, steps, sums):
     surfaces.
 
     others : residual r, right-hand side b of the next cycle, and search direction p.
-    steps : step length, and scale.
+    steps : step length, and the number `scale` by which r is divided to obtain b.
     """
     r, b, p = others
     step, scale = steps
