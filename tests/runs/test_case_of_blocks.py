@@ -66,7 +66,7 @@ def test_a_run_has_the_leakage_of_blocks_its_band_and_its_cells(tmp_path):
         (
             "[8, 8]",
             "[8, 12]",
-            r"blocks: given 2 × 3 of 128 × 256 points, expected numbers of which",
+            r"blocks: given 2 × 3 of 128 × 256 points, expected numbers of blocks whose",
         ),
     ],
 )
