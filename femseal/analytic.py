@@ -58,7 +58,7 @@ def hertz_peak_pressure(load: float, radius: float, modulus: float) -> float:
 
 
 def hertz_approach(load: float, radius: float, modulus: float) -> float:
-    """Return the approach δ = a²/R [m] of distant points of a sphere and a flat.
+    """Return the approach δ = a²/R [m] of a sphere and a flat, measured far from the contact.
 
     The arguments are those of `hertz_radius`. Source: Johnson, Contact Mechanics, 1985, eq. 4.23.
     """
@@ -493,7 +493,7 @@ def critical_junction(
 def _gap_of_touching_parts(
     pressure: float, modulus: float, q: Array, power: Array, square_slope: Array, area: Array
 ) -> Array:
-    """Return the mean gap u of the parts in apparent contact at each wave number, (waves,) [m].
+    """Return the mean gap u of the parts that are in apparent contact, for each wave number (waves,) [m].
 
     Parameters
     ----------

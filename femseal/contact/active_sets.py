@@ -109,7 +109,8 @@ class Gradients(NamedTuple):
 
     directions : state of the conjugate gradients after the last step.
     steps : number of steps.
-    longest_step : largest length c of the next projection step [Pa/m], from the Rayleigh quotients of the directions.
+    longest_step : largest length c [Pa/m] that the next projection step may have, from the Rayleigh quotients of the
+        directions.
     """
 
     directions: Directions

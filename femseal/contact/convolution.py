@@ -323,7 +323,7 @@ class StridedColumns:
         return self.length
 
     def calls(self, planned: Planned, threads: int) -> list[list[Call]]:
-        """Return, for each thread, the calls that compute waves of the displacement from waves of the pressure."""
+        """Return, for each thread, the calls that turn waves of the pressure into waves of the displacement."""
         n_columns = self.waves.shape[1]
         kind = self.waves.dtype
         column_bytes = self.transforms * self.length * kind.itemsize

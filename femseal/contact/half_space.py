@@ -329,13 +329,13 @@ def _add_wave(waves: Array, d: float, q: Array, weight: Array) -> None:
     over the rest of the line. Only the second part is subtracted here; the caller adds the first part for all aliases
     together.
     """
-    # beyond these pixels the integral is negligible for the longest wave
+    # The integral of K₀(q|t|) from t to infinity is Ki₁(q t)/q. It is negligible beyond `n_near` pixels for all waves.
     reach = _LARGEST_ARGUMENT / (q.min(initial=np.inf) * d)
     n_near = min(waves.shape[1], int(reach + 0.5) + 1)
     edges = (np.arange(n_near) + 0.5) * d
     beyond_edge = bickley_1(q[:, None] * edges)
     beyond_edge *= (weight / q)[:, None]
-    waves[:, 0] -= 2 * beyond_edge[:, 0]
+    waves[:, 0] -= 2 * beyond_edge[:, 0]  # on both sides of the pixel
     waves[:, 1:n_near] += beyond_edge[:, :-1] - beyond_edge[:, 1:]
 
 
@@ -345,7 +345,9 @@ def _alternating_sum(a: Array) -> Array:
 
 
 def stiffness_stencil(half_space: HalfSpace) -> Array:
-    """Compute the preconditioner of the solver: 3 × 3 weights [Pa/m] of the inverse of K, whose symbol is E*|q|/2.
+    """Compute the preconditioner of the solver: the 3 × 3 weights [Pa/m] of an approximate inverse of K.
+
+    They are the middle part of the inverse of K on a periodic grid, whose symbol is E*|q|/2.
 
     If these weights are not positive definite, which happens for very long pixels, all but the middle weight are set to
     0.

@@ -180,7 +180,7 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
     Returns
     -------
     array (waves, n_free)
-        Displacement [m/Pa] of each point by the pixel at offset 0.
+        Displacement of each point per pressure on the pixel at offset 0 [m/Pa].
     """
     kernel = np.zeros((q.size, n_free))
     waves = np.flatnonzero(q > 0)
@@ -210,7 +210,7 @@ def free_difference(edges1: Array, edges2: Array, bodies: Bodies) -> Array:
     Returns
     -------
     array (n1, n2)
-        Displacement at the origin [m/Pa] by the pressure on each pixel.
+        Displacement at the origin per pressure on each pixel [m/Pa].
     """
     kernel = np.zeros((edges1.size - 1, edges2.size - 1))
     x, y = edges1[:, None], edges2
@@ -324,8 +324,8 @@ def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
 def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -> Array:
     """Compute what a coating adds to the kernel (waves, n) [m/Pa] for waves q > 0 along the other axis.
 
-    See `strip_difference` for the integral. Aliases of the waves along both axes are added up, each weighted with the
-    transform of a pixel, a product of two sinc functions.
+    See `strip_difference` for the integral. Aliases of the waves along both axes are added up. Each alias is weighted
+    with the Fourier transform of a uniform pressure on a pixel, which is a product of two sinc functions.
 
     n, d : number of points and spacing of the free axis.
     q : wave numbers (waves,), of which the largest is at most twice the smallest.

@@ -184,7 +184,12 @@ def find_trial(first, end, c, near_p, near_v, trial):
 def compare(first, end, c, delta, hardness, slope, state, near, near_p, trial):
     """Compare the pressure of some points near contact with its projection y.
 
-    Returns ‖p − y‖² and ‖y‖²; the number of points whose state would change if p were y; and ‖p − y‖² of these points.
+    Returns
+    -------
+    squared_difference : ‖p − y‖².
+    squared_projection : ‖y‖².
+    n_changed : number of points whose state would change if p were set to y.
+    squared_change : ‖p − y‖² of these points.
     """
     listed = near[first:end]
     x = trial[first:end]

@@ -1,10 +1,10 @@
 """Solve Darcy flow on a mesh: ∇·(K∇φ) = 0 with φ = 1 at the inlet and φ = 0 at the outlet; other sides are closed.
 
 The flow is computed with conforming elements (P1 or Q1), which converge with second order and give an upper bound of
-the energy. The lower bound is computed with lowest-order Raviart-Thomas fluxes. Hybridisation makes the potentials of
-the facets the unknowns of a positive definite matrix. The fluxes are then corrected so that they are conserved exactly
-on each element, which makes their energy a bound regardless of the error of the solver. The forms are assembled once
-for each component of K, because many realisations of a seal are solved on the same mesh.
+the energy. The lower bound is computed with lowest-order Raviart-Thomas fluxes. By hybridisation, the unknowns are the
+potentials of the facets, and their matrix is positive definite. The fluxes are then corrected so that they are
+conserved exactly on each element, which makes their energy a bound regardless of the error of the solver. The forms are
+assembled once for each component of K, because many realisations of a seal are solved on the same mesh.
 
 Symbols: φ is the potential, K the permeability [m³]. K may also have another unit, which is then the unit of the flow.
 Sources: principles of Dirichlet and Thomson; Arnold & Brezzi, RAIRO M2AN 19, 1985, 7 (hybridisation).
@@ -318,7 +318,7 @@ class MeshOperators:
         return sign * mesh_flux[facets], mesh_flux
 
     def _potential_at_rest(self, connected: Connected) -> Array:
-        """Return the potential 1 or 0 at vertices that are connected to one end only, and NaN at all others."""
+        """Return the potential of vertices without flow: 1 or 0 if they are connected to one end, otherwise NaN."""
         mesh = self.mesh
         potential = np.full(mesh.nvertices, np.nan)
         for value, elements in zip(_END_POTENTIALS, connected.at_one_boundary, strict=True):

@@ -143,8 +143,9 @@ def connected_elements(
 ) -> Connected:
     """Find the elements that are connected to the boundaries `ends`.
 
-    Two elements are connected if they share a facet with the normal n across which both can carry flow, n·Kn > 0. With
-    `through_corners` two elements are also connected through a common vertex, if they are open in all directions.
+    Two elements are connected if they share a facet across which both can carry flow, that is, n·Kn > 0 for the normal
+    n of the facet. With `through_corners` two elements are also connected through a common vertex, if they are open in
+    all directions.
     """
     # The nodes of the graph are elements, facets, vertices and boundaries, numbered in this order.
     first_facet = mesh.nelements

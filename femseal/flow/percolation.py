@@ -30,7 +30,7 @@ BOTH_ENDS = 3
 
 @inner()
 def find(parent, a):
-    """Find the root of a node, halving the path to it."""
+    """Find the root of a node, and shorten the path to it (path halving)."""
     while parent[a] != a:
         parent[a] = parent[parent[a]]
         a = np.int64(parent[a])
@@ -84,7 +84,7 @@ def _is_open(c, least):
 
 @compiled()
 def _label_rows(begin, end, along, across, least, label, parent):
-    """Label the connected components of the nodes in the rows `begin` to `end` − 1; inlet and outlet are 0 and 1.
+    """Label the connected components in the rows `begin` to `end` − 1; the inlet has the label 0, the outlet 1.
 
     In each row from left to right, a node takes the label of its connected neighbour above or to the left, or a new
     label without such a neighbour. If both neighbours are connected and have different labels, the labels are united.

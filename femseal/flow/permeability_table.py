@@ -239,7 +239,7 @@ class PressureCurve:
             return np.where(is_linear, log_of_linear, a + weight * (b - a)), is_linear
 
     def _exact_mean(self, low: Array, high: Array) -> Array:
-        """Integrate each permeability over the pressure from `low` to `high`, interval by interval of the table."""
+        """Compute the mean of each permeability over the pressures from `low` to `high`, by intervals of the table."""
         # the first and the last interval, beyond the table, are unbounded
         knots = np.array([-np.inf, *self._knots, np.inf])
         total = np.zeros(low.shape)

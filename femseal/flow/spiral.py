@@ -76,8 +76,8 @@ class Spiral:
     def seam(self, shape: tuple[int, int], spacing: tuple[float, float]) -> tuple[int, float]:
         """Compute the lead in pixels, and the fraction w of a turn that a face with this grid covers.
 
-        The lead is rounded to at least one full pixel. If the face is shorter than a turn, w is reduced or increased to
-        make up for this rounding.
+        The lead is rounded to at least one full pixel. If the face is shorter than a turn, w is adjusted to make up for
+        this rounding.
 
         Raises
         ------

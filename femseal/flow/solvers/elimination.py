@@ -56,7 +56,7 @@ def eliminate(stencil: Stencil, unknown: Flags, φ: Array, ψ: Array) -> float:
 
 @compiled()
 def _list_links(order, along, across, φ):
-    """List, for each node in the order of elimination, its links to nodes that are eliminated later and to both ends.
+    """List, for each node in the order of elimination, its links to later nodes and to inlet and outlet.
 
     Parameters
     ----------
@@ -219,8 +219,8 @@ def _eliminate_fronts(first, parent, later, conductance):
     """Eliminate all nodes; return the conductance between inlet and outlet, and the two potentials of `_potentials`.
 
     A front has p nodes. Its border consists of the q later nodes to which these nodes are linked. The array `front` (p,
-    p + q) has the links from the nodes of the front to each other and to the border; `fill_in` (q, q) has the links
-    within the border that elimination creates. They are added to the parent of the front.
+    p + q) has the links within the front, and those from the front to the border. `fill_in` (q, q) has the new links
+    within the border, which elimination creates; they are added to the parent of the front.
     """
     n, fronts = len(later), parent.size
     # for each node, 1 over the sum of its conductances at the time of its elimination

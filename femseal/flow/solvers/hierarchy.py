@@ -80,7 +80,9 @@ class Coarsest(NamedTuple):
 
 @compiled()
 def _number_nodes(n1, n2, ring):
-    """Number the nodes along the shorter axis first, and return the largest difference of the numbers of linked nodes.
+    """Number the nodes along the shorter axis first, so that linked nodes have similar numbers.
+
+    Returns the numbers (n1, n2), and the largest difference between the numbers of two linked nodes.
 
     In a ring, columns are numbered alternately from both sides of the seam, so that neighbours have similar numbers.
     """

@@ -433,10 +433,10 @@ def _sum_curvature(first, end, p, network, sums):
 def _update_solution(first, end, x, others, network, steps, sums):
     """Perform the step x += step p, r −= step A p on some rows, and compute b = r / scale.
 
-    The sums of r and of r x of each row are written to `sums`. Added up over all rows, they are the difference between
-    inlet and outlet flow, and the difference between the flow and the energy. The product A p was already computed by
-    `_sum_curvature`. It is computed a second time here instead of being stored, because memory limits the size of
-    surfaces.
+    The sums of r and of r x of each row are written to `sums`. Their totals over all rows are two measures of the
+    imbalance: the difference between inlet and outlet flow, and the difference between flow and energy. The product A p
+    was already computed by `_sum_curvature`. It is computed a second time here instead of being stored, because memory
+    limits the size of surfaces.
 
     others : residual r, right-hand side b of the next cycle, and search direction p.
     steps : step length, and the number `scale` by which r is divided to obtain b.
