@@ -163,8 +163,9 @@ class RunComparison(Plotted):
         Returns
         -------
         xarray.Dataset
-            Every variable that all runs have for each load step. The dimensions are `run` and `step`. For a sweep over
-            all combinations of some keys, they are these keys and `step`; values that are no numbers are texts.
+            Every numerical variable that has one value for each load step in all runs. The dimensions are `run` and
+            `step`. For a sweep over all combinations of some keys, the dimensions are these keys and `step`. Values of
+            a key are numbers if all of them can be read as numbers, and texts otherwise.
 
         Raises
         ------
@@ -188,11 +189,14 @@ class RunComparison(Plotted):
             order = [results.steps.index(step) for step in steps]
             parts.append(data[names].isel(step=order).assign_coords(step=np.arange(len(steps))))
         combined = xarray.concat(parts, "run", coords="minimal", compat="override", join="override")
-        combined.attrs = {}  # those of a single run
+        # the attributes would be those of the first run
+        combined.attrs = {}
         combined = combined.assign_coords(run=list(self.names))
+        # values of each key in all runs
         columns = [_numbers_if_possible(texts) for texts in zip(*self.settings, strict=True)]
-        is_complete = prod(len(set(values)) for values in columns) == len(self.runs)
-        if not self.keys or not is_complete or len(set(self.settings)) < len(self.runs):
+        combinations = prod(len(set(values)) for values in columns)
+        has_repeated_run = len(set(self.settings)) < len(self.runs)
+        if not self.keys or combinations != len(self.runs) or has_repeated_run:
             return combined
         for key, values in zip(self.keys, columns, strict=True):
             combined = combined.assign_coords({key: ("run", values)})
@@ -462,7 +466,7 @@ def _with_numbers(names: Sequence[str | Path | None]) -> tuple[str, ...]:
 
 
 def _numbers_if_possible(texts: Sequence[str]) -> list[Any]:
-    """Convert texts to numbers; return them unchanged if any of them is not a number."""
+    """Convert texts to numbers; return the texts themselves if any of them is not a number."""
     try:
         return [float(text) for text in texts]
     except ValueError:

@@ -1,4 +1,4 @@
-"""Compute the sealing index ∫ pⁿ dl of a finish, and the value of it that each leakage class needs.
+"""Compute the sealing index ∫ pⁿ dl of a finish, and the smallest index that meets each leakage class.
 
 Designers of metal seals integrate a power of the contact pressure p over the width of the seal, and require that the
 integral is at least a given value (Murtagian et al., J. Tribol. 126, 2004, 591). Exponent and required value usually
@@ -8,13 +8,13 @@ changes only along the direction l of the flow is
     q = D / ∫ dl/k        D = (φ(p_in) − φ(p_out)) / ρ
 
 with the pressure potential φ of the fluid at inlet and outlet and the density ρ to which the leakage refers. For a
-liquid, D is the pressure drop over the viscosity; for an ideal gas, φ contains the squares of the pressures. If k is a
-power of the contact pressure, k = k₀ (p/p₀)⁻ⁿ, the leakage is at most q_class if and only if
+liquid, D is the pressure drop divided by the viscosity. For an ideal gas, φ contains the squares of the pressures. If k
+is a power of the contact pressure, k = k₀ (p/p₀)⁻ⁿ, the leakage is at most q_class if and only if
 
     ∫ pⁿ dl ≥ p₀ⁿ k₀ D / q_class.
 
-The permeability is that of the whole seal of the run, k = q w/D with its width w. For a stochastic seal, it therefore
-includes the detours of the flow around tiles with a low permeability.
+Here k = q w/D is the permeability of the whole seal of the run, with the width w of the seal. For a stochastic seal,
+it therefore includes the detours of the flow around tiles with a low permeability.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from .verdict import LeakageCurve, falling_steps
 
 #: Largest relative deviation of the permeability from a power law within the range of pressures of the law.
 TOLERANCE = 0.1
-#: Quantiles of the realisations that bound the interval of the exponent.
+#: Quantiles of the realisations that bound their 95 % interval.
 _QUANTILES = (0.025, 0.975)
 
 
@@ -55,7 +55,7 @@ class PowerLaw:
     lowest_pressure, highest_pressure : float
         Range of contact pressures for which the law was fitted [Pa].
     count : int
-        Number of load steps in the range. Any two steps lie on a power law.
+        Number of load steps in the range. A law of two steps passes through both, so that its deviation is 0.
     deviation : float
         Largest relative deviation of the permeability from the law in this range.
     """
@@ -73,14 +73,15 @@ class PowerLaw:
         return self.permeability * (reals(pressure) / self.pressure) ** -self.exponent
 
     def needed_index(self, drive: float, leakage: float) -> float:
-        """Return the sealing index that a seal needs to leak at most a given amount [Paⁿ m].
+        """Return the smallest index with which a seal leaks at most a given amount, p₀ⁿ k₀ D/q [Paⁿ m].
 
         Parameters
         ----------
         drive : float
-            Drop D of the pressure potential over the density [1/s]; for a liquid, the pressure drop over the viscosity.
+            Drop D of the pressure potential, divided by the density [1/s]. For a liquid, this is the pressure drop
+            divided by the viscosity.
         leakage : float
-            Largest leakage per length of the seal [m²/s].
+            Leakage q per length of the seal [m²/s].
         """
         return self.pressure**self.exponent * self.permeability * drive / leakage
 
@@ -98,8 +99,8 @@ class IndexLimit:
     value : float
         Smallest sealing index that meets the class according to the computed leakage [Paⁿ m].
     lower, upper : float
-        95 % interval of this value [Paⁿ m]; it includes the deviation from the power law. NaN without an interval, and
-        `upper` is inf if the error of the leakage has no upper bound.
+        95 % interval of this value [Paⁿ m], which includes the deviation from the power law. Both are NaN if the
+        leakage has no interval. `upper` is inf if the error of the leakage has no upper bound.
     exponent : float
         Exponent n, which is part of the unit of the index.
     """
@@ -123,11 +124,12 @@ class SealingIndex:
     Attributes
     ----------
     law : PowerLaw
-        Permeability over the contact pressure.
+        Permeability as a power of the contact pressure.
     unloaded_from : float or None
         Pressure from which the seal was unloaded [Pa]; None on loading.
     exponent_interval : pair of float
-        Exponents of both ends of the 95 % interval of the leakage and of 95 % of the realisations.
+        Smallest and largest exponent. Laws are fitted to both ends of the 95 % interval of the leakage and to each
+        realisation; 2.5 % of the realisations are left out at either end.
     limits : tuple of IndexLimit
         Sealing index that each leakage class needs.
     """
@@ -151,7 +153,7 @@ class SealingIndex:
 
 
 def fit_power_law(pressures: ArrayLike, permeabilities: ArrayLike) -> PowerLaw:
-    """Fit a power law to the permeability, such that its largest relative deviation is as small as possible.
+    """Fit a power law with the smallest possible largest relative deviation from the permeabilities.
 
     Parameters
     ----------
@@ -185,16 +187,18 @@ def fit_power_law(pressures: ArrayLike, permeabilities: ArrayLike) -> PowerLaw:
         raise InputError(
             "pressures", f"{np.unique(p).size} different ones", "two or more, all different"
         )
+    # in logarithms the law is a straight line, y = intercept + slope x; the line whose largest deviation from the
+    # points is smallest (Chebyshev) is parallel to a line through two of the points, so that all pairs are tried
     x, y = np.log(p), np.log(k)
-    # the best straight line in the sense of Chebyshev is parallel to a line through two of the points
     first, second = np.triu_indices(p.size, 1)
     slopes = (y[second] - y[first]) / (x[second] - x[first])
-    residuals = y - slopes[:, None] * x  # (slope, pressure)
+    residuals = y - slopes[:, None] * x  # axes: slope, pressure
     highest = residuals.max(axis=1)
     lowest = residuals.min(axis=1)
     best = int(np.argmin(highest - lowest))
-    middle = (x.min() + x.max()) / 2
+    # the line lies midway between the highest and the lowest point
     intercept = (highest[best] + lowest[best]) / 2
+    middle = (x.min() + x.max()) / 2
     return PowerLaw(
         exponent=-float(slopes[best]),
         pressure=exp(middle),
@@ -209,9 +213,9 @@ def fit_power_law(pressures: ArrayLike, permeabilities: ArrayLike) -> PowerLaw:
 def fit_power_laws(
     pressures: ArrayLike, permeabilities: ArrayLike, tolerance: float = TOLERANCE
 ) -> tuple[PowerLaw, ...]:
-    """Divide the pressures into as few ranges as possible in each of which the permeability is a power law.
+    """Divide the pressures into ranges, in each of which the permeability is a power law.
 
-    Neighbouring ranges have one pressure in common.
+    There are as few ranges as possible. Neighbouring ranges have one pressure in common.
 
     Parameters
     ----------
@@ -223,16 +227,18 @@ def fit_power_laws(
     Returns
     -------
     tuple of PowerLaw
-        Laws from the highest range to the lowest.
+        Laws, from the range of the highest pressures to that of the lowest.
     """
     tolerance = validate.tolerance("tolerance", tolerance)
     p = _positive("pressures", pressures)
     k = _positive("permeabilities", permeabilities)
-    fit_power_law(p, k)  # checks the values
+    # this fit serves only to check the values
+    fit_power_law(p, k)
     falling = np.argsort(p)[::-1]
     p, k = p[falling], k[falling]
     laws = []
     start = 0
+    # each range begins with two pressures, and is extended as long as a power law fits
     while start < p.size - 1:
         law = fit_power_law(p[start : start + 2], k[start : start + 2])
         for end in range(start + 3, p.size + 1):
@@ -241,12 +247,15 @@ def fit_power_laws(
                 break
             law = longer
         laws.append(law)
+        # the last pressure of a range is the first one of the next
         start += law.count - 1
     return tuple(laws)
 
 
 def integrate_power(positions: ArrayLike, pressures: ArrayLike, exponent: float) -> float:
-    """Integrate pⁿ over a profile of the contact pressure, which is linear between its points.
+    """Integrate pⁿ over a profile of the contact pressure, which is linear between the given positions.
+
+    Between two positions with the pressures a < b, the mean of pⁿ is (bⁿ⁺¹ − aⁿ⁺¹)/((n + 1)(b − a)).
 
     Parameters
     ----------
@@ -275,9 +284,8 @@ def integrate_power(positions: ArrayLike, pressures: ArrayLike, exponent: float)
         raise InputError("pressures", pressures, "a pressure >= 0 for each position [Pa]")
     smaller, larger = np.minimum(p[:-1], p[1:]), np.maximum(p[:-1], p[1:])
     rise = larger - smaller
-    is_level = (
-        rise <= 1e-6 * larger
-    )  # here the mean of both ends is more accurate than the difference of powers
+    # for nearly equal pressures, the power of their mean is more accurate than the difference of their powers
+    is_level = rise <= 1e-6 * larger
     safe_rise = np.where(is_level, 1.0, rise)
     exact = (larger ** (n + 1) - smaller ** (n + 1)) / ((n + 1) * safe_rise)
     mean = np.where(is_level, ((larger + smaller) / 2) ** n, exact)
@@ -285,7 +293,7 @@ def integrate_power(positions: ArrayLike, pressures: ArrayLike, exponent: float)
 
 
 def _positive(name: str, values: ArrayLike) -> Array:
-    """Return values as an array; raise InputError unless all of them are finite and above 0."""
+    """Return the values as an array; raise InputError unless all values are finite and above 0."""
     array = reals(values)
     if array.ndim != 1 or not (np.isfinite(array).all() and (array > 0).all()):
         raise InputError(name, values, "finite numbers > 0")
@@ -318,14 +326,14 @@ def sealing_indices(
     Returns
     -------
     tuple of SealingIndex
-        One for each range of pressures: first those on loading, then those on unloading, each from the highest range to
-        the lowest.
+        A sealing index for each range of pressures: first the ranges on loading, then the ranges on unloading. Both
+        are ordered from the highest pressures to the lowest.
 
     Raises
     ------
     InputError
         The pressure differs over the seal, the seal is a mesh, the fluid is unknown, or the seal leaks at fewer than
-        two loads of a branch.
+        two loads, both on loading and on unloading.
     """
     if isinstance(nominal_diameter, str):
         nominal_diameter = to_si(nominal_diameter, "m", "nominal_diameter")
@@ -337,7 +345,7 @@ def sealing_indices(
 def indices_of_limits(
     results: Results, limits: Mapping[str, float], tolerance: float = TOLERANCE
 ) -> tuple[SealingIndex, ...]:
-    """Compute the sealing index like `sealing_indices`, for given limits of the leakage.
+    """Compute the sealing index of a run as `sealing_indices` does, for given limits of the leakage.
 
     Parameters
     ----------
@@ -352,14 +360,17 @@ def indices_of_limits(
     tolerance = validate.tolerance("tolerance", tolerance)
     seal = _Seal(results)
     indices = []
-    for peak in (None, *seal.curve.steps.unload_from[-1:]):
-        steps = seal.leaking_steps(peak)
+    # None stands for loading; the last unloading is that from the highest load
+    for unloaded_from in (None, *seal.curve.steps.unload_from[-1:]):
+        steps = seal.leaking_steps(unloaded_from)
         if steps.size < 2:
             continue
         laws = fit_power_laws(seal.pressures[steps], seal.permeability[steps], tolerance)
         start = 0
         for law in laws:
-            indices.append(seal.index(law, peak, steps[start : start + law.count], limits))
+            steps_of_law = steps[start : start + law.count]
+            indices.append(seal.index(law, unloaded_from, steps_of_law, limits))
+            # the last step of a law is the first one of the next
             start += law.count - 1
     if not indices:
         raise InputError("results", "a seal that leaks at fewer than two loads", "two or more")
@@ -367,7 +378,27 @@ def indices_of_limits(
 
 
 class _Seal:
-    """Hold the permeability of a seal at each load, with its interval."""
+    """Hold the permeability of the seal of a run at each load step, and the interval of the leakage.
+
+    Attributes
+    ----------
+    drive : float
+        Drop D of the pressure potential, divided by the density [1/s].
+    curve : LeakageCurve
+        Leakage at each load step, with the fluid that decides on the leakage classes.
+    pressures : array
+        Nominal contact pressure at each load step [Pa].
+    permeability_per_leakage : float
+        Ratio w/D of the permeability to the leakage per length of the seal [m s].
+    permeability : array
+        Permeability at each load step [m³].
+    realisations : array
+        Leakage of each realisation at each load step, axes: realisation, load step [m²/s].
+    lower, upper : array
+        95 % interval of the leakage at each load step [m²/s]. Without an error budget, it is that of the realisations.
+    has_interval : bool
+        Whether `lower` and `upper` are known.
+    """
 
     def __init__(self, results: Results) -> None:
         fluid = class_fluid(results)
@@ -376,8 +407,8 @@ class _Seal:
         self.drive = abs(fluid.drop)
         self.curve = LeakageCurve.of_results(results)
         self.pressures = self.curve.steps.pressures
-        self.to_permeability = equivalent_width(results) / self.drive  # m³ for each m²/s
-        self.permeability = self.curve.leakage * self.to_permeability
+        self.permeability_per_leakage = equivalent_width(results) / self.drive
+        self.permeability = self.curve.leakage * self.permeability_per_leakage
         _, realisations = results.class_leakage
         self.realisations = np.abs(realisations)
         self.lower, self.upper = self.curve.lower, self.curve.upper
@@ -386,22 +417,47 @@ class _Seal:
             self.lower, self.upper = np.quantile(self.realisations, _QUANTILES, axis=0)
             self.has_interval = True
 
-    def leaking_steps(self, peak: float | None) -> Indices:
-        """List the steps of a branch at which the seal leaks a known amount, from the highest load to the lowest."""
-        steps = falling_steps(self.curve.steps, peak)
+    def leaking_steps(self, unloaded_from: float | None) -> Indices:
+        """List the load steps at which the seal leaks a known amount, from the highest load to the lowest.
+
+        Parameters
+        ----------
+        unloaded_from : float or None
+            Pressure from which the seal is unloaded in these steps [Pa]; None for the steps on loading.
+        """
+        steps = falling_steps(self.curve.steps, unloaded_from)
         leakage = self.curve.leakage[steps]
         is_leaking = np.isfinite(leakage) & (leakage > 0) & (self.pressures[steps] > 0)
         return steps[is_leaking]
 
     def index(
-        self, law: PowerLaw, peak: float | None, steps: Indices, limits: Mapping[str, float]
+        self,
+        law: PowerLaw,
+        unloaded_from: float | None,
+        steps: Indices,
+        limits: Mapping[str, float],
     ) -> SealingIndex:
-        """Make the sealing index of one range of pressures."""
+        """Make the sealing index of one range of pressures.
+
+        Parameters
+        ----------
+        law : PowerLaw
+            Law of the permeability in this range.
+        unloaded_from : float or None
+            Pressure from which the seal is unloaded [Pa]; None on loading.
+        steps : array of int
+            Load steps in the range.
+        limits : mapping
+            Largest leakage per length of the seal [m²/s], by the name of the limit.
+        """
         fitted = law.at(self.pressures[steps])
+        # the needed index is proportional to the permeability, so that both have the same relative interval
         lower_ratio = upper_ratio = np.nan
         if self.has_interval:
-            lower_ratio = float((self.lower[steps] * self.to_permeability / fitted).min())
-            upper_ratio = float((self.upper[steps] * self.to_permeability / fitted).max())
+            lower = self.lower[steps] * self.permeability_per_leakage
+            upper = self.upper[steps] * self.permeability_per_leakage
+            lower_ratio = float((lower / fitted).min())
+            upper_ratio = float((upper / fitted).max())
         index_limits = []
         for name, leakage in limits.items():
             if leakage <= 0:
@@ -418,19 +474,20 @@ class _Seal:
                 )
             )
         interval = self._exponent_interval(law, steps)
-        return SealingIndex(law, peak, interval, tuple(index_limits))
+        return SealingIndex(law, unloaded_from, interval, tuple(index_limits))
 
     def _exponent_interval(self, law: PowerLaw, steps: Indices) -> Pair:
-        """Return the smallest and the largest exponent of both ends of the interval and of the realisations."""
+        """Return the smallest and the largest exponent, see `SealingIndex.exponent_interval`."""
         if not self.has_interval:
             return np.nan, np.nan
         pressures = self.pressures[steps]
         lowest = highest = law.exponent
         for end, unknown in ((self.lower[steps], inf), (self.upper[steps], -inf)):
+            # where the lower end is zero or the upper end unknown, nothing bounds the exponent on this side
             is_usable = np.isfinite(end).all() and (end > 0).all()
-            # a seal that may be sealed or may leak any amount can have any exponent on this side
             exponent = fit_power_law(pressures, end).exponent if is_usable else unknown
             lowest, highest = min(lowest, exponent), max(highest, exponent)
+        # realisations that are sealed at one of the loads have no power law
         leakages = self.realisations[:, steps]
         leakages = leakages[(np.isfinite(leakages) & (leakages > 0)).all(axis=1)]
         if len(leakages) > 1:
@@ -441,9 +498,10 @@ class _Seal:
 
 
 def equivalent_width(results: Results) -> float:
-    """Return the width w of a straight seal that leaks as much per length as the seal of a run, q = k D/w [m].
+    """Return the width of a straight seal that leaks as much per length as the seal of a run [m].
 
-    For a strip, this is its width. For a ring it is r ln(r_o/r_i) with the mean radius r.
+    The leakage per length is q = k D/w with this width w. For a strip, w is the width of the strip. For a ring with the
+    radii r_i and r_o, w = r ln(r_o/r_i), with the mean radius r.
 
     Raises
     ------
@@ -452,8 +510,9 @@ def equivalent_width(results: Results) -> float:
     """
     _check_uniform_pressure(results)
     width, length = results.dataset.attrs["seal_size_m"]
+    # without realisations, the seal is a strip as large as the face
     if results.method != "median":
-        return float(width)  # without realisations, the seal is a strip as large as the face
+        return float(width)
     kind = results.case.get("seal", {}).get("kind") if results.case else None
     if kind is None and results.scene is not None:
         kind = results.scene.layout.kind
@@ -462,6 +521,7 @@ def equivalent_width(results: Results) -> float:
             "results", "a seal whose shape is a mesh", "a strip or a ring, of one width"
         )
     if kind == AnnularLayout.kind:
+        # r ln(r_o/r_i) = d artanh(w/d), with the mean diameter d = 2 r and the width w = r_o − r_i of the ring
         diameter = length / pi
         return float(diameter * atanh(width / diameter))
     return float(width)
@@ -483,7 +543,7 @@ def _check_uniform_pressure(results: Results) -> None:
 
 
 def index_text(value: float) -> str:
-    """Write a sealing index with two digits, such as 3400, 1.2e7 or "unknown"."""
+    """Write a sealing index with two digits, such as 3400 or 1.2e7; write "unknown" if it is not finite."""
     if not isfinite(value):
         return "unknown"
     if value == 0:

@@ -69,7 +69,7 @@ def verdict_paragraphs(
 
 
 def seal_name(results: Results) -> str:
-    """Return "the whole seal", or the length that was assumed for the seal if the case does not state its length."""
+    """Return "the whole seal" or, if the case states no length of the seal, the length that is assumed for it."""
     case = results.case
     is_strip = (case.get("seal") or {}).get("kind", "rectangular") == "rectangular"
     has_length = "length" in (case.get("stochastic") or {})
