@@ -35,10 +35,11 @@ HEAD = [
     "surface",
     "rows, of which below the detection limit",
     "scenes",
-    "hardness [GPa]",
-    "found",
+    "true hardness [GPa]",
+    "calibrated hardness [GPa]",
 ]
-HEAD += ["shortest wave [µm]", "found", "factor", "found", "in the joint region"]
+HEAD += ["true shortest wave [µm]", "calibrated shortest wave [µm]"]
+HEAD += ["true factor", "calibrated factor", "true values in the joint region"]
 LOADING, PEAKS, UNLOADING = (
     (60, 120, 200, 300, 400, 500, 600, 700, 800, 900, 1000),
     (300, 700),
