@@ -280,7 +280,7 @@ def _solve_unloading(
     """
 
     def follows_loading(step: LoadStep) -> bool:
-        """Return whether unloading to this step follows the loading curve: no point has yielded at the peak load."""
+        """Return whether unloading to this step follows the loading curve, without any plastic deformation."""
         return not (one_after_another or peaks[step.unloaded_from].has_yielded)
 
     # choose the unloading steps to solve: a pressure on the loading curve is solved only once

@@ -312,7 +312,7 @@ def bracket_approach(highest, full, capacity, rise, c, load, start):
         if rise == 0.0:  # without hardening, all points are at their hardness
             delta = full / c
             return delta, delta, delta, capacity >= load
-        # all points at their hardness do not carry the load; beyond that, the load grows by `rise` per increase of cδ
+        # All points are at their hardness, but carry less than the load. From there, the load grows by `rise` per cδ.
         full += (load - capacity) / rise
     low = -highest / c  # there, all pressures are 0
     top = full / c  # there, the points carry at least the load

@@ -238,6 +238,7 @@ def _solve_by_multigrid(
     # nodes that multigrid cannot solve, and nodes that keep their links; both are None if multigrid can solve all nodes
     isolated: Flags | None = None
     through: Flags | None = None
+    # conductances are divided by a power of two near the largest one
     has_narrow_links = any(
         ((c > 0) & (c < _CONTRIBUTING)).any() for c in (stencil.along, stencil.across)
     )
@@ -263,8 +264,7 @@ def _solve_by_multigrid(
     if not bound_gap <= rtol:
         raise NotConverged(
             f"flow: links that are too narrow for multigrid may change the flow rate by {bound_gap:.1e} of its value, "
-            f"wanted {rtol:.1e}; "
-            "try the solver 'elimination'",
+            f"wanted {rtol:.1e}; try the solver 'elimination'",
             bound_gap,
         )
     return replace(flow, residual=float(max(error, np.sqrt(max(bound_gap, 0.0)))))

@@ -224,9 +224,8 @@ def _judge(iteration, state, history, share, settings):
     is_estimate = iteration < settings.bounded_from or field < np.inf
     if is_estimate:
         share = min(_STOPPING, share)
-    allowed = min(
-        share * rtol, (0.1 * field) ** 2
-    )  # largest accepted square of the relative error of φ
+    # largest accepted square of the relative error of φ
+    allowed = min(share * rtol, (0.1 * field) ** 2)
     history[0, iteration] = rz
     error = np.inf
     is_balanced = unbalanced <= 3.0 * max(np.sqrt(rtol), 1e-6) * rate
@@ -238,13 +237,13 @@ def _judge(iteration, state, history, share, settings):
         error = np.sqrt(rz / rate / θ)
         if error**2 <= allowed and largest <= _LARGEST_CORRECTION * 0.1 * field:
             return error, True, False
-    hopeless = iteration == limit or not 0.0 < rz < np.inf
-    if not hopeless and iteration >= _EXTRAPOLATED_FROM and rate > 0.0 and rz > allowed * rate:
+    is_hopeless = iteration == limit or not 0.0 < rz < np.inf
+    if not is_hopeless and iteration >= _EXTRAPOLATED_FROM and rate > 0.0 and rz > allowed * rate:
         # extrapolate the number of iterations, if each one reduces rᵀM⁻¹r by the same factor as on average so far
         initial = history[0, 0]
         needed_reduction = np.log(initial / (allowed * rate))
-        hopeless = rz >= initial or iteration * needed_reduction / np.log(initial / rz) > limit
-    return error, False, hopeless
+        is_hopeless = rz >= initial or iteration * needed_reduction / np.log(initial / rz) > limit
+    return error, False, is_hopeless
 
 
 @compiled(**REORDERED)
