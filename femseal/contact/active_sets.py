@@ -18,8 +18,10 @@ product with K, so that the residual is that of the returned pressure. Sources: 
 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
+from __future__ import annotations
+
 from math import inf, sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from .descent import Solution, descend
 from .workspace import Loops, Problem, Workspace
@@ -54,6 +56,9 @@ _MONOTONE_BELOW = 0.1
 _LEAST_DAMPING = 1e-3
 #: Relative increase of the energy that cannot be explained by rounding errors.
 _RISE = 1e-13
+#: With the tangents of a curved law, the damping is reduced if the residual has become larger than this fraction of its
+#: value at the previous change of the sets. Energies with different tangents cannot be compared.
+_SLOW = 0.9
 #: Value of w·r below which the residual is a rounding error, relative to w·r for the residual δ at all free points.
 _FLAT = 1e-30
 #: The sets are not changed as long as each iteration reduces the residual to a half, and the points that would change
@@ -118,7 +123,27 @@ class Gradients(NamedTuple):
     longest_step: float
 
 
-def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int) -> Solution:
+class Tangents(Protocol):
+    """Tangents of a curved law, whose hardness and slope of each point change with each evaluation of the contact.
+
+    delta : first guess of the approach minus the offset [m], or None.
+    number : number of points whose tangent rises.
+    """
+
+    delta: float | None
+    number: int
+
+    def evaluate(self, n_near: int, c: float, delta: float) -> tuple[Any, ...]:
+        """Set the tangents, and evaluate the contact as `projection.evaluate` does."""
+
+
+def solve_active_sets(
+    grid: Workspace,
+    problem: Problem,
+    rtol: float,
+    limit: int,
+    tangents: Tangents | None = None,
+) -> Solution:
     """Solve a contact problem, beginning with the pressure that is stored in the workspace.
 
     Parameters
@@ -131,20 +156,27 @@ def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int
         Target residual.
     limit : int
         Largest number of iterations.
+    tangents : Tangents, optional
+        Tangents of a curved law, which evaluates the contact and thereby updates the linear law of the problem.
 
     Returns
     -------
     Solution
     """
     loops = grid.loops(problem)
+    first_delta = None
+    if tangents is not None:
+        loops = loops._replace(evaluate=tangents.evaluate)
+        first_delta = tangents.delta
     c0 = grid.stiffness
     step = c0
     shortest_step = c0 / (4 * max(grid.half_space.shape))
-    lists, state = _first_evaluation(grid, loops, c0)
+    lists, state = _first_evaluation(grid, loops, c0, first_delta)
     iterations = 0
     products = 1
     damping = 1.0
     energy = inf
+    changed_residual = inf
     # whether v was computed from p by a product; steps of conjugate gradients only update v
     is_fresh = True
     directions = None
@@ -155,7 +187,7 @@ def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int
         if iterations >= limit and not is_converged:
             break
         sets_repeat = iterations >= _MONOTONE_AFTER or damping < _MONOTONE_BELOW
-        if sets_repeat and not is_converged:
+        if sets_repeat and not is_converged and tangents is None:
             _change_sets(grid, loops, lists, step, state.delta, keep=True)
             solution = descend(grid, problem, state.delta, rtol, limit - iterations)
             return Solution(
@@ -168,10 +200,14 @@ def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int
         if state.sets_change or is_converged or lists.free < 2:
             keep = iterations > 1
             previous_energy = energy
+            previous_residual, changed_residual = changed_residual, state.residual
             lists, energy = _change_sets(grid, loops, lists, step, state.delta, keep)
             products += 1
             is_fresh = True
-            if energy > previous_energy + _RISE * abs(previous_energy):
+            has_risen = energy > previous_energy + _RISE * abs(previous_energy)
+            if tangents is not None:
+                has_risen = changed_residual > _SLOW * previous_residual
+            if has_risen:
                 damping = max(damping / 2, _LEAST_DAMPING)
             else:
                 damping = min(1.0, 1.25 * damping)
@@ -179,6 +215,8 @@ def solve_active_sets(grid: Workspace, problem: Problem, rtol: float, limit: int
         if is_converged:
             step = c0  # the returned residual is defined with c₀
         elif lists.free >= 2:
+            if tangents is not None and tangents.number > 0:
+                directions = None  # the directions were conjugate for other tangents
             gradients = _conjugate_gradients(grid, loops, lists, state, directions)
             directions = gradients.directions
             products += gradients.steps
@@ -238,12 +276,18 @@ def _list_near(grid: Workspace, loops: Loops, reach: float, margin: float) -> Li
     return Lists(near, free, reach, margin)
 
 
-def _first_evaluation(grid: Workspace, loops: Loops, c: float) -> tuple[Lists, Evaluation]:
-    """List the points near contact for the initial pressure; the mean v of the points in contact is a guess of δ."""
+def _first_evaluation(
+    grid: Workspace, loops: Loops, c: float, delta: float | None = None
+) -> tuple[Lists, Evaluation]:
+    """List the points near contact for the initial pressure.
+
+    delta : first guess of δ [m]. Default: the mean v of the points in contact.
+    """
     product = _multiply(grid, loops, reach=-inf, margin=0.0)  # lists the points in contact only
     # with a very small load there may be no point in contact on a coarse grid
     n_contact = max(product.lists.near, 1)
-    delta = product.total_v / n_contact
+    if delta is None:
+        delta = product.total_v / n_contact
     # half of the mean pressure in the contact, converted to a length by the step length c
     margin = 0.5 * product.load / (n_contact * c)
     lists = _list_near(grid, loops, delta + margin, margin)

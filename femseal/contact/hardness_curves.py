@@ -85,6 +85,11 @@ class HardnessTable(ContactLaw):
         """Smallest depth of the table [m]; at smaller depths the hardness is constant."""
         return float(self.depth[0])
 
+    @property
+    def bends(self) -> Array:
+        """Depths [m] of the table, between which the curve is a cubic."""
+        return self.depth
+
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """Interpolate H(u) [Pa]."""
         curve, _ = self._curves
@@ -230,6 +235,12 @@ class CoatedLaw(ContactLaw):
     def constant_depth(self) -> float:
         """Depth [m] up to which the hardness of the coating is constant, at most its thickness."""
         return min(self.layer.constant_depth, self.thickness)
+
+    @property
+    def bends(self) -> Array:
+        """Depths [m] at which the passage to the substrate and the formulas of both laws begin and end."""
+        d = self.thickness
+        return np.r_[self.layer.bends, d, (1 + _PASSAGE) * d, d + self.substrate.bends]
 
     def at(self, is_chosen: Flags) -> ContactLaw | None:
         """Return the law of some points."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from ..base import Array, Flags, InputError, Shape, reals, to_text
 from ..store.code import NoDigest
 from ..store.digests import digest
+from .curve_pieces import CurvePieces
 
 #: Largest number of steps of Newton's method, or of bisection, for the projection on a curved law.
 _NEWTON_STEPS = 60
@@ -86,6 +87,20 @@ class ContactLaw:
         with perfect plasticity.
         """
         return inf if self.is_perfect and self.is_uniform else 0.0
+
+    @property
+    def bends(self) -> Array:
+        """Depths [m] at which the formula of the curve changes, so that the curve or a derivative may have a kink."""
+        return np.array([self.constant_depth])
+
+    @cached_property
+    def pieces(self) -> CurvePieces:
+        """Curve of a law that is the same for all points, in cubic pieces for compiled loops."""
+        return CurvePieces.of(self.yield_pressure, self.bends)
+
+    def shifted(self) -> ShiftedLaw:
+        """Write the law as factor · H(u + u₀) − p_f with another law H(u)."""
+        return ShiftedLaw(self)
 
     def at(self, is_chosen: Flags) -> ContactLaw | None:
         """Return the law of the chosen points alone; None if the law is only defined for all points together.
@@ -253,6 +268,21 @@ class ContactLaw:
         return hash(self.key())
 
 
+class ShiftedLaw(NamedTuple):
+    """Law factor · H(u + u₀) − p_f, made from another law H(u).
+
+    law : law H(u).
+    factor : factor on the hardness.
+    earlier_deformation : plastic deformation u₀ [m] from an earlier load, a number or an array (n1, n2).
+    fluid_pressure : pressure p_f [Pa] of a fluid between the surfaces, a number or an array (n1, n2).
+    """
+
+    law: ContactLaw
+    factor: float = 1.0
+    earlier_deformation: float | Array = 0.0
+    fluid_pressure: float | Array = 0.0
+
+
 @dataclass(frozen=True, eq=False)
 class LinearHardening(ContactLaw):
     """Contact law of points that harden linearly with their plastic deformation: H(u) = H + h u.
@@ -389,6 +419,16 @@ class _ChangedLaw(ContactLaw):
             return 0.0
         return max(0.0, self.law.constant_depth - float(np.max(self.earlier_deformation)))
 
+    def shifted(self) -> ShiftedLaw:
+        """Combine the changes of this law with those of the original law."""
+        inner = self.law.shifted()
+        return ShiftedLaw(
+            inner.law,
+            factor=self.factor * inner.factor,
+            earlier_deformation=inner.earlier_deformation + self.earlier_deformation,
+            fluid_pressure=self.factor * inner.fluid_pressure + self.fluid_pressure,
+        )
+
     def at(self, is_chosen: Flags) -> ContactLaw | None:
         """Return the law of some points."""
         law = self.law.at(is_chosen)
@@ -452,6 +492,11 @@ class SofterOf(ContactLaw):
     def constant_depth(self) -> float:
         """Depth [m] up to which both laws are constant."""
         return min(self.first.constant_depth, self.second.constant_depth)
+
+    @property
+    def bends(self) -> Array:
+        """Depths [m] at which the formula of either law changes. The depths where both are equal are not known."""
+        return np.r_[self.first.bends, self.second.bends]
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
         """Compute the smaller of the yield pressures H(u) of the two laws [Pa]."""

@@ -1,0 +1,140 @@
+"""Approximate the curve H(u) of a contact law by cubic pieces, which compiled loops can evaluate.
+
+Curves that consist of cubics between known depths, such as tables and coatings of constant hardness, are represented
+exactly. Other curves are divided until a cubic through four points of each piece agrees with the curve to eleven
+digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ..base import Array
+
+#: Depths [m] at which the first pieces begin, besides the depths at which the formula of the curve changes. No contact
+#: yields deeper than the last of them.
+_FIRST_DEPTHS = np.geomspace(1e-10, 1e-1, 28)
+#: Largest relative error of a piece.
+_TOLERANCE = 1e-11
+#: Largest relative variation that is a rounding error, so that a piece is constant.
+_ROUNDING = 1e-13
+#: Pieces are not divided further below this width [m], or more often than this number.
+_NARROWEST, _MOST_DIVISIONS = 1e-16, 60
+#: Positions in a piece whose values define its cubic, and positions at which the cubic is compared with the curve.
+_FITTED = np.array([0.0, 1 / 3, 2 / 3, 1.0])
+_COMPARED = np.array([0.1, 0.5, 0.9])
+#: Matrices that turn values at the first positions into coefficients, and coefficients into values at the second ones.
+_TO_COEFFICIENTS = np.linalg.inv(np.vander(_FITTED, increasing=True)).T
+_TO_VALUES = np.vander(_COMPARED, 4, increasing=True).T
+
+
+@dataclass(frozen=True, eq=False)
+class CurvePieces:
+    """Curve H(u) for u >= 0 in cubic pieces; the last one has no end.
+
+    Parameters
+    ----------
+    depth : array (pieces,)
+        Depth [m] at which each piece begins; the first one is 0.
+    coefficients : array (pieces, 4)
+        Coefficients a_k of each piece, H(u) = Σ a_k (u − depth)^k [Pa/m^k].
+    """
+
+    depth: Array
+    coefficients: Array
+
+    @classmethod
+    def of(cls, yield_pressure: Callable[[Array], Array], bends: Array) -> CurvePieces:
+        """Divide a curve into pieces.
+
+        Parameters
+        ----------
+        yield_pressure : callable
+            Function H(u) [Pa] of an array of depths [m].
+        bends : array (n,)
+            Depths [m] at which the formula of the curve may change.
+        """
+        bends = bends[np.isfinite(bends) & (bends > 0)]
+        edges = np.unique(np.r_[0.0, bends, _FIRST_DEPTHS])
+        start, end = edges[:-1], edges[1:]
+        depths = []
+        coefficients = []
+        for division in range(_MOST_DIVISIONS):
+            width = end - start
+            fitted = _values(yield_pressure, start, width, _FITTED)
+            cubic = fitted @ _TO_COEFFICIENTS
+            values = _values(yield_pressure, start, width, _COMPARED)
+            error = np.max(np.abs(cubic @ _TO_VALUES / values - 1), axis=1)
+            is_accurate = error <= _TOLERANCE
+            # around a kink at an unknown depth, a straight line does not overshoot
+            is_narrow = ~is_accurate & ((width <= _NARROWEST) | (division == _MOST_DIVISIONS - 1))
+            cubic[is_narrow, 1] = (fitted[:, -1] - fitted[:, 0])[is_narrow]
+            cubic[is_narrow, 2:] = 0.0
+            is_accurate |= is_narrow
+            depths.append(start[is_accurate])
+            scale = width[is_accurate, None] ** np.arange(4)
+            coefficients.append(cubic[is_accurate] / scale)
+            start, end = start[~is_accurate], end[~is_accurate]
+            if start.size == 0:
+                break
+            middle = 0.5 * (start + end)
+            start, end = np.r_[start, middle], np.r_[middle, end]
+        depth = np.concatenate(depths)
+        order = np.argsort(depth)
+        return cls(depth[order], np.concatenate(coefficients)[order]).with_one_end()
+
+    def with_one_end(self) -> CurvePieces:
+        """Merge the pieces of the same constant hardness at the end of the curve into one."""
+        hardness = self.coefficients[:, 0]
+        variation = np.abs(self.coefficients[:-1, 1:] * self._widths[:, None] ** np.arange(1, 4))
+        differs = np.abs(hardness[:-1] - hardness[-1]) > _ROUNDING * hardness[-1]
+        differs |= variation.max(axis=1, initial=0.0) > _ROUNDING * hardness[:-1]
+        first = 1 + int(np.flatnonzero(differs)[-1]) if differs.any() else 0
+        if first == hardness.size - 1:
+            return self
+        coefficients = self.coefficients[: first + 1].copy()
+        coefficients[-1] = hardness[-1], 0.0, 0.0, 0.0
+        return CurvePieces(self.depth[: first + 1], coefficients)
+
+    @property
+    def _widths(self) -> Array:
+        """Width of each piece but the last [m]."""
+        return np.diff(self.depth)
+
+    @cached_property
+    def has_constant_end(self) -> bool:
+        """Whether the hardness is constant in the last piece."""
+        return not np.any(self.coefficients[-1, 1:])
+
+    @cached_property
+    def steepest_fall(self) -> float:
+        """Largest value of −dH/du [Pa/m] at the ends and in the middle of the pieces; 0 if the law does not soften."""
+        _, a1, a2, a3 = self.coefficients.T
+        slopes = [a1]
+        for position in (0.5, 1.0):
+            s = position * self._widths
+            slopes.append(a1[:-1] + s * (2 * a2[:-1] + 3 * s * a3[:-1]))
+        return max(0.0, -float(np.min(np.concatenate(slopes))))
+
+    def times(self, factor: float) -> CurvePieces:
+        """Return the curve factor · H(u)."""
+        return self if factor == 1 else CurvePieces(self.depth, factor * self.coefficients)
+
+    def hardness(self, deformation: Array) -> Array:
+        """Compute H(u) [Pa] at plastic deformations [m] of any shape."""
+        piece = np.searchsorted(self.depth, deformation, side="right") - 1
+        s = deformation - self.depth[piece]
+        a0, a1, a2, a3 = np.moveaxis(self.coefficients[piece], -1, 0)
+        return a0 + s * (a1 + s * (a2 + s * a3))
+
+
+def _values(
+    yield_pressure: Callable[[Array], Array], start: Array, width: Array, positions: Array
+) -> Array:
+    """Compute the hardness at some relative positions (n,) in each piece (pieces,) as an array (pieces, n)."""
+    depth = start[:, None] + width[:, None] * positions
+    return np.broadcast_to(yield_pressure(depth), depth.shape)

@@ -1,0 +1,360 @@
+"""Solve a contact whose hardness is a curve H(u) of the plastic deformation: tables, Nix-Gao, coatings.
+
+The active sets of a linear law also solve a curved one, if the law of each point is replaced by a tangent:
+
+1. In each evaluation of the contact, the pressure of each point near contact is projected on its curve. The scalar
+   equation H(u) + c u = z, with z = p − c (v − δ), has one solution for all laws that do not soften too steeply.
+2. The point then gets the tangent of the curve at u, with its own hardness and slope. Where the law softens, the line
+   is horizontal.
+3. The approach δ follows from Newton's method for Σ y(δ) = load, with y on the curve.
+4. Sets and conjugate gradients then work as for linear hardening, until the pressures agree with the curves.
+
+The tangents are thus Newton's method of the same iteration that changes the sets, and a curved law needs about as many
+iterations as a constant hardness. Damping follows the residual, because energies with different tangents cannot be
+compared. If the iteration does not converge, or the law softens steeply, `tangent_sequence` solves the contact.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, isfinite, sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ..base import Array, NotConverged
+from .active_sets import solve_active_sets
+from .contact_fields import Contact
+from .curve_loops import FIRST, TANGENT, follow_curve
+from .curve_pieces import CurvePieces
+from .descent import Solution
+from .law import ContactLaw, YieldLine
+from .nested_grids import (
+    COARSE_ITERATIONS,
+    COARSE_RTOL,
+    COARSEST,
+    Level,
+    check_solution,
+    make_contact,
+    solve_straight_law,
+)
+from .tangent_sequence import solve_by_tangents
+from .workspace import Problem, Workspace, coarsened, workspace
+
+#: Largest number of iterations on the given grid.
+_ITERATIONS = 80
+#: Steepest fall of the hardness, relative to the stiffness of the half-space, for which the method is used. Beyond it,
+#: single pixels may yield while their neighbours do not.
+_STEEPEST_FALL = 0.4
+#: Error of a line on a coarse grid, relative to the pressure, above which the curve is used on the next grid; and
+#: deformation on the coarse grid over that which the error is computed for, as peaks yield deeper on a finer grid.
+_COARSE_ERROR, _COARSE_DEPTH = 1e-3, 0.6
+#: Largest number of steps for the approach.
+_APPROACH_STEPS = 80
+#: The approach is accurate enough if the relative error of the load is this fraction of the residual, and at most the
+#: second value; below the third one it is a rounding error.
+_LOAD_ERROR, _LARGEST_LOAD_ERROR, _SMALLEST_LOAD_ERROR = 0.3, 1e-2, 1e-14
+#: Largest correction of the approach without another step, times c and relative to the mean pressure of the points.
+_LARGEST_CORRECTION = 0.1
+#: First step of the approach [m] where no point resists it, and length from which on the listed points are assumed not
+#: to carry the load.
+_FIRST_STEP, _LARGEST_STEP = 1e-9, 1e-2
+
+
+class _Curve(NamedTuple):
+    """Law H(u + u₀) − p_f of all points on one of the nested grids.
+
+    pieces : curve H(u).
+    constant_depth : depth [m] up to which H(u) is constant.
+    earlier, fluid : u₀ [m] and p_f [Pa], with one value (1, 1) or one for each point (n1, n2).
+    """
+
+    pieces: CurvePieces
+    constant_depth: float
+    earlier: Array
+    fluid: Array
+
+    @classmethod
+    def of(cls, law: ContactLaw) -> _Curve | None:
+        """Return the curve of a law; None if the points have curves that are not related by a shift."""
+        shifted = law.shifted()
+        if not shifted.law.is_uniform:
+            return None
+        return cls(
+            shifted.law.pieces.times(shifted.factor),
+            shifted.law.constant_depth,
+            np.atleast_2d(shifted.earlier_deformation),
+            np.atleast_2d(shifted.fluid_pressure),
+        )
+
+    def coarser(self) -> _Curve:
+        """Return the law on the next coarser grid."""
+        earlier, fluid = (
+            coarsened(values) if values.size > 1 else values
+            for values in (self.earlier, self.fluid)
+        )
+        return self._replace(earlier=earlier, fluid=fluid)
+
+
+def solve_curved_law(law: ContactLaw, level: Level, rtol: float) -> Contact:
+    """Solve a contact with a curved law.
+
+    Parameters
+    ----------
+    law : ContactLaw
+        Law, whose tangent at u = 0 is the line of `level`.
+    level : Level
+        Contact problem on the given grid.
+    rtol : float
+        Target residual.
+
+    Raises
+    ------
+    NotConverged
+        Pressures and deformations do not agree with the law after all iterations.
+    """
+    if level.load == 0:
+        return solve_straight_law(level, rtol)
+    curve = _Curve.of(law)
+    stiffness = level.half_space.stiffness
+    if curve is None or curve.pieces.steepest_fall > _STEEPEST_FALL * stiffness:
+        return solve_by_tangents(law, level, rtol)
+    try:
+        return _solve_on_nested_grids(curve, level, rtol)
+    except NotConverged:
+        return solve_by_tangents(law, level, rtol)
+
+
+def _solve_on_nested_grids(curve: _Curve, level: Level, rtol: float) -> Contact:
+    """Solve a contact from the coarsest grid to the given one.
+
+    The line of `level` is the law itself as long as few points yield: up to a constant depth on first loading, and for
+    all points that do not yield again on unloading. As long as it agrees with the law on a grid, the next finer grid
+    is solved with the line, too.
+    """
+    offset = float(level.gap0.min())
+    levels = [(level, curve)]
+    while max(levels[-1][0].half_space.shape) > COARSEST:
+        finer, finer_curve = levels[-1]
+        coarser = finer.coarser()._replace(load=level.load)
+        levels.append((coarser, finer_curve.coarser()))
+    start = levels[-1][0].first_guess()
+    delta = None
+    least_capacity = min(problem.line.capacity for problem, _ in levels)
+    is_curved = level.load >= least_capacity * (1 - 1e-9)
+    while len(levels) > 1:
+        coarse, coarse_curve = levels.pop()
+        grid = workspace(coarse.half_space, level.half_space)
+        if is_curved:
+            tangents = CurveTangents(coarse_curve, grid, coarse, offset, start, delta)
+            delta = tangents.solve(COARSE_RTOL, COARSE_ITERATIONS).delta
+            del tangents
+        else:
+            grid.start(start, coarse.line.limit)
+            problem = coarse.on_grid(offset)
+            delta = solve_active_sets(grid, problem, COARSE_RTOL, COARSE_ITERATIONS).delta
+            overlap = (delta - grid.arrays.respond.displacement) / _COARSE_DEPTH
+            error = _error_of_line(coarse_curve, coarse.line, grid.pressure, overlap)
+            is_curved = error > _COARSE_ERROR
+        start = grid.pressure
+        del grid, coarse  # release their memory before the next grid is created
+    if not is_curved:
+        contact = solve_straight_law(level, rtol, start)
+        error = _error_of_line(curve, level.line, contact.pressure, contact.plastic_deformation)
+        if error <= rtol:
+            return replace(contact, residual=max(contact.residual, error))
+        start = contact.pressure
+        delta = contact.approach - offset
+    grid = workspace(level.half_space)
+    tangents = CurveTangents(curve, grid, level, offset, start, delta)
+    solution = tangents.solve(rtol, _ITERATIONS)
+    check_solution(level, float(grid.pressure.mean()), solution, rtol)
+    return tangents.contact(solution)
+
+
+def _error_of_line(curve: _Curve, line: YieldLine, pressure: Array, overlap: Array) -> float:
+    """Compute the difference between a linear law and the curve at the points that yield, relative to the pressure.
+
+    Parameters
+    ----------
+    curve : _Curve
+        Law of the points.
+    line : YieldLine
+        Linear law with which the contact was solved.
+    pressure : array (n1, n2)
+        Pressure [Pa].
+    overlap : array (n1, n2)
+        Overlap of the bodies [m], which is the plastic deformation of points that yield.
+    """
+    constant_depth = np.maximum(curve.constant_depth - curve.earlier, 0.0)
+    if overlap.max() <= constant_depth.min():
+        return 0.0
+    yields = (overlap > constant_depth) & (pressure > 0)
+    yields &= pressure >= line.hardness
+    if not yields.any():
+        return 0.0
+    hardness, slope, earlier, fluid = (
+        np.broadcast_to(values, yields.shape)[yields]
+        for values in (line.hardness, line.slope, curve.earlier, curve.fluid)
+    )
+    deformation = overlap[yields]
+    law = curve.pieces.hardness(earlier + deformation) - fluid
+    difference = hardness + slope * deformation - law
+    return float(np.linalg.norm(difference) / np.linalg.norm(pressure))
+
+
+class CurveTangents:
+    """Tangents of the curves of all points at their present deformation, for `solve_active_sets`.
+
+    Parameters
+    ----------
+    curve : _Curve
+        Law on this grid.
+    grid : Workspace
+        Workspace of this grid.
+    level : Level
+        Contact problem on this grid.
+    offset : float
+        Height that is subtracted from the gap and from the approach [m].
+    start : array (n1, n2)
+        First guess of the pressure [Pa], on this grid or on the next coarser one.
+    delta : float, optional
+        First guess of the approach minus the offset [m].
+
+    Attributes
+    ----------
+    number : int
+        Number of points near contact whose tangent rises.
+    """
+
+    def __init__(
+        self,
+        curve: _Curve,
+        grid: Workspace,
+        level: Level,
+        offset: float,
+        start: Array,
+        delta: float | None,
+    ) -> None:
+        grid.start(start, np.array([inf]))
+        n = grid.pressure.size
+        self.grid = grid
+        self.level = level
+        self.offset = offset
+        self.delta = delta
+        self.number = 0
+        self._pieces = curve.pieces
+        self._stiffness = 0.0
+        self._levels = np.empty(0)
+        self._kind = np.full(n, FIRST, np.int8)
+        self._begins = np.empty(n)
+        self._hardness = np.empty(n)
+        self._slope = np.zeros(n)
+        self._gap0 = level.gap0.ravel().copy()
+        first_hardness = (curve.pieces.hardness(curve.earlier) - curve.fluid).ravel()
+        self._hardness[:] = first_hardness
+        self._law = (
+            curve.earlier.ravel(),
+            curve.fluid.ravel(),
+            first_hardness,
+            curve.constant_depth,
+        )
+        self._load = level.load * n
+        deepest_start = curve.constant_depth if isfinite(curve.constant_depth) else 0.0
+        self._first_step = max(deepest_start, _FIRST_STEP)
+
+    def solve(self, rtol: float, limit: int) -> Solution:
+        """Solve the contact on this grid; see `solve_active_sets`."""
+        problem = Problem(self._gap0, self.offset, self._hardness, self._slope, self._load)
+        solution = solve_active_sets(self.grid, problem, rtol, limit, self)
+        # the gap of a point with a tangent is increased, so that such a point must always be near contact
+        if np.count_nonzero(self._kind == TANGENT) != self.number:
+            return solution._replace(residual=inf)
+        return solution
+
+    def evaluate(
+        self, n_near: int, c: float, delta: float
+    ) -> tuple[float, bool, Any, Any, Any, Any]:
+        """Find the approach δ, and compare the pressures with their projections on the curves.
+
+        The arguments and returned values are those of `projection.evaluate`.
+        """
+        low = -inf
+        high = inf
+        largest_step = self._first_step
+        for _ in range(_APPROACH_STEPS):
+            total, slopes, self.number, r2, y2, *changes = self._follow(n_near, c, delta)
+            excess = total - self._load
+            step = -excess / (c * slopes) if slopes > 0 else -excess * inf
+            relative = sqrt(r2 / y2) if y2 > 0 else 0.0
+            accepted = min(_LOAD_ERROR * relative, _LARGEST_LOAD_ERROR)
+            if abs(excess) <= max(accepted, _SMALLEST_LOAD_ERROR) * self._load:
+                if c * abs(step) * n_near <= _LARGEST_CORRECTION * self._load:
+                    return delta + step, True, r2, y2, *changes
+                if excess == 0:
+                    return delta, True, r2, y2, *changes
+            if excess > 0:
+                high = min(high, delta)
+            else:
+                low = max(low, delta)
+            # without a bound in the direction of the step, the step is limited, because the curve may rise soon
+            if (high if step > 0 else -low) == inf and not abs(step) < largest_step:
+                if largest_step > _LARGEST_STEP:
+                    break
+                step = largest_step if step > 0 else -largest_step
+                largest_step *= 2
+            new = delta + step
+            if not low < new < high:
+                new = 0.5 * (low + high)
+            if new == delta:
+                return delta, True, r2, y2, *changes
+            delta = new
+        return delta, False, r2, y2, *changes
+
+    def _follow(self, n_near: int, c: float, delta: float) -> tuple[Any, ...]:
+        """Set the tangents for an approach δ [m] and a step length c [Pa/m]; see `follow_curve`."""
+        pieces = self._pieces
+        if c != self._stiffness:
+            self._stiffness = c
+            levels = pieces.coefficients[:, 0] + c * pieces.depth
+            # on coarse grids, the curve may fall more steeply than the half-space is stiff
+            self._levels = np.maximum.accumulate(levels)
+        a = self.grid.arrays
+        columns = self.grid.pressure.shape[1]
+        return follow_curve(
+            n_near,
+            c,
+            delta,
+            a.state,
+            a.near,
+            a.near_p,
+            a.near_v,
+            a.trial,
+            a.v,
+            columns,
+            *self._law,
+            pieces.depth,
+            self._levels,
+            pieces.coefficients,
+            pieces.has_constant_end,
+            self._kind,
+            self._hardness,
+            self._slope,
+            self._begins,
+            self._gap0,
+        )
+
+    def contact(self, solution: Solution) -> Contact:
+        """Make the result from the solution on this grid."""
+        shape = self.grid.pressure.shape
+        has_tangent = self._kind == TANGENT
+        # all points on the curved part yield, even if a rounding error makes their pressure less than their hardness
+        is_horizontal = ~has_tangent & (self._kind != FIRST)
+        np.minimum(
+            self._hardness, self.grid.pressure.ravel(), out=self._hardness, where=is_horizontal
+        )
+        line = YieldLine(self._hardness.reshape(shape), self._slope.reshape(shape))
+        contact = make_contact(self.level._replace(line=line), self.grid, self.offset, solution)
+        begins = np.where(has_tangent, self._begins, 0.0).reshape(shape)
+        np.add(contact.plastic_deformation, begins, out=contact.plastic_deformation)
+        return contact

@@ -1,0 +1,179 @@
+"""Solve a contact with a linear law on nested grids, from a coarse one to the given one.
+
+The solution on each grid is the first guess on the next finer one, see `active_sets` for the method on one grid.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ..base import Array, NotConverged
+from ..base.compiled import over, rows
+from .active_sets import solve_active_sets
+from .contact_fields import Contact
+from .descent import Solution
+from .half_space import HalfSpace
+from .law import YieldLine
+from .projection import gap_and_deformation
+from .workspace import Problem, Workspace, coarsened, workspace
+
+#: Target residual on coarse grids.
+COARSE_RTOL = 1e-2
+#: Largest number of iterations on each coarse grid, and on the given grid.
+COARSE_ITERATIONS = 40
+MAX_ITERATIONS = 400
+#: Largest number of points along the longer side of the coarsest grid. On a finer grid, a few steps could not
+#: redistribute the pressure from one end of a long strip to the other.
+COARSEST = 48
+#: Largest accepted relative error of the load.
+_LOAD_TOLERANCE = 1e-9
+
+
+class Level(NamedTuple):
+    """A contact problem on one of the nested grids, with checked input.
+
+    gap0 : array (n1, n2), undeformed gap [m].
+    half_space : half-space on this grid.
+    line : linear contact law.
+    load : nominal pressure [Pa].
+    """
+
+    gap0: Array
+    half_space: HalfSpace
+    line: YieldLine
+    load: float
+
+    def coarser(self) -> Level:
+        """Make the problem on the next coarser grid, with about half as many points along each axis."""
+        hardness, slope = (
+            coarsened(values) if values.size > 1 else values
+            for values in (self.line.hardness, self.line.slope)
+        )
+        line = YieldLine(hardness, slope)
+        load = self.load
+        if np.isfinite(line.capacity):
+            # The mean hardness of the coarse grid may differ, because an odd last row is counted twice. The load is
+            # scaled, so that all grids carry the same fraction of their capacity.
+            load *= line.capacity / self.line.capacity
+        return Level(coarsened(self.gap0), self.half_space.coarser, line, load)
+
+    def on_grid(self, offset: float) -> Problem:
+        """Make the problem for the solver on a single grid; heights are measured from `offset` [m]."""
+        return Problem(
+            gap0=self.gap0.ravel(),
+            offset=offset,
+            hardness=self.line.hardness.ravel(),
+            slope=self.line.slope.ravel(),
+            load=self.load * self.gap0.size,
+        )
+
+    def first_guess(self) -> Array:
+        """Guess the pressure: distribute the load uniformly on the highest points.
+
+        The number of points is chosen so that their mean pressure is the smaller of the hardness and 0.1 E*.
+        """
+        wanted_pressure = min(self.line.mean_hardness, 0.1 * self.half_space.pixel_modulus)
+        gap0 = self.gap0
+        n_carrying = min(gap0.size, int(self.load / wanted_pressure * gap0.size))
+        n_touching = max(min(4, gap0.size), n_carrying)
+        # the largest gap of the n_touching highest points
+        largest_gap = np.partition(gap0, n_touching - 1, axis=None)[n_touching - 1]
+        is_touching = gap0 <= largest_gap
+        return is_touching * (self.load * gap0.size / np.count_nonzero(is_touching))
+
+
+def solve_straight_law(level: Level, rtol: float, start: Array | None = None) -> Contact:
+    """Solve a contact with a linear law, from the coarsest grid to the given one.
+
+    start : first guess of the pressure (n1, n2) [Pa] on the given grid. With a guess, no coarser grids are used.
+    """
+    # heights are measured from the highest point, so that rounding errors are small for points in contact
+    offset = float(level.gap0.min())
+    if level.load == 0:
+        return uniform_contact(level, offset, 0.0)
+    if level.load >= level.line.capacity * (1 - 1e-12):
+        return uniform_contact(level, offset, level.line.hardness)
+    if start is None:
+        start = _start_from_coarser_grids(level, offset)
+    grid = workspace(level.half_space)
+    grid.start(start, level.line.limit)
+    solution = solve_active_sets(grid, level.on_grid(offset), rtol, MAX_ITERATIONS)
+    check_solution(level, float(grid.pressure.mean()), solution, rtol)
+    return make_contact(level, grid, offset, solution)
+
+
+def _start_from_coarser_grids(level: Level, offset: float) -> Array:
+    """Solve a contact on coarser grids, and return the pressure on the last of them, or a guess if there is none."""
+    levels = [level]
+    while max(levels[-1].half_space.shape) > COARSEST:
+        levels.append(levels[-1].coarser())
+    start = levels[-1].first_guess()
+    while len(levels) > 1:
+        coarse = levels.pop()
+        grid = workspace(coarse.half_space, level.half_space)
+        grid.start(start, coarse.line.limit)
+        solve_active_sets(grid, coarse.on_grid(offset), COARSE_RTOL, COARSE_ITERATIONS)
+        start = grid.pressure
+        del grid, coarse  # release their memory before the next grid is created
+    return start
+
+
+def uniform_contact(level: Level, offset: float, pressure: float | Array) -> Contact:
+    """Make the result for a contact without load, or with all points in contact at a known pressure [Pa]."""
+    grid = workspace(level.half_space)
+    grid.pressure[:] = pressure
+    v = grid.displacement()
+    v += level.gap0 - offset
+    delta = float(v.max()) if grid.pressure.any() else 0.0
+    return make_contact(level, grid, offset, Solution(delta, 0.0, 0, 1))
+
+
+def check_solution(level: Level, carried: float, solution: Solution, rtol: float) -> None:
+    """Raise NotConverged if the residual is above `rtol`, or if the mean pressure [Pa] differs from the load."""
+    if not abs(carried - level.load) <= _LOAD_TOLERANCE * level.load:
+        raise NotConverged(
+            f"contact: the solution carries {carried / level.load:.6g} times the given load; try another grid",
+            solution.residual,
+        )
+    if not solution.residual <= rtol:
+        raise NotConverged(
+            f"contact: residual {solution.residual:.1e} after {solution.iterations} iterations, wanted {rtol:.1e}; "
+            "try a larger rtol, a filtered surface or a finer grid",
+            solution.residual,
+        )
+
+
+def make_contact(level: Level, grid: Workspace, offset: float, solution: Solution) -> Contact:
+    """Make the result from the solution that is stored in the workspace of a grid."""
+    v = grid.arrays.v
+    pressure = grid.pressure.copy() if grid.is_kept else grid.pressure
+    grid.release()
+    gap = np.empty(pressure.shape)
+    deformation = np.empty(pressure.shape)
+    is_plastic = np.empty(pressure.shape, bool)
+    over(
+        rows(*pressure.shape),
+        gap_and_deformation,
+        pressure.ravel(),
+        v,
+        solution.delta,
+        grid.stiffness,
+        level.line.hardness.ravel(),
+        level.line.slope.ravel(),
+        gap.ravel(),
+        deformation.ravel(),
+        is_plastic.ravel(),
+    )
+    return Contact(
+        pressure=pressure,
+        gap=gap,
+        plastic_deformation=deformation,
+        approach=solution.delta + offset,
+        residual=solution.residual,
+        iterations=solution.iterations,
+        fft_pairs=solution.products,
+        plastic=is_plastic,
+        half_space=level.half_space,
+    )
