@@ -32,7 +32,7 @@ def notebook_as_script(notebook: Path, script: Path) -> None:
 
 
 def _restructured(cell: dict) -> str:
-    """Headings and code in the text of a Markdown cell, as reStructuredText has them."""
+    """Convert the headings and the code in the text of a Markdown cell to reStructuredText."""
     text = "".join(cell["source"]).replace("`", "``")
     return re.sub(
         r"^(#+) (.*)$",

@@ -383,7 +383,8 @@ def _logarithm(mean: Array, deviation: Array) -> tuple[Array, Array]:
 
     The cube root x is normally distributed. The distribution is truncated at 0, because x is positive if the seal
     leaks. The quantile of x at the probability Φ(s) is then deviation (r − Φ⁻¹(Φ(r) Φ(−s))), with the normal
-    distribution function Φ and r = mean/deviation. The quantile of ln(leakage) is 3 ln(x).
+    distribution function Φ and r = mean/deviation. The
+    quantile of ln(leakage) at the same probability is 3 ln(x), because the leakage is x³.
 
     Returns
     -------

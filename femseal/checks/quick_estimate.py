@@ -216,9 +216,10 @@ def _has_form(patch: Topography) -> bool:
 
 
 def mean_modulus(scene: Scene) -> float:
-    """Compute the contact modulus of a scene [Pa]; for coated bodies, it is a root mean square over all waves.
+    """Compute the contact modulus of a scene [Pa].
 
-    Each wave of the surface is weighted by its mean square slope.
+    The modulus of coated bodies depends on the wavelength. For them, return its root mean square over the waves of the
+    surface, each weighted by its mean square slope.
     """
     if isinstance(scene.modulus, float):
         return scene.modulus

@@ -349,8 +349,8 @@ def stiffness_stencil(half_space: HalfSpace) -> Array:
 
     They are the middle part of the inverse of K on a periodic grid, whose symbol is E*|q|/2.
 
-    If these weights are not positive definite, which happens for very long pixels, all but the middle weight are set to
-    0.
+    If one side of the pixels is much longer than the other, these weights are not positive definite. Then all of them
+    except the middle weight are set to 0.
     """
     # symbol of the inverse of K on a periodic grid of 64² pixels
     q1, q2 = (2 * np.pi * np.abs(np.fft.fftfreq(64, d)) for d in half_space.spacing)

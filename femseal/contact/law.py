@@ -5,8 +5,8 @@ yields, h = dH/du hardening modulus, g raw gap (negative where the bodies would 
 
 The contact of a point is elastic while 0 < p < H(u). When the point yields, p = H(u), and u increases. A contact law is
 defined by the curve H(u), and each law is a class with such a curve. The solver only uses straight lines, the tangents
-of the curve. A curve that rises contributes a convex term to the energy; for a straight line this term is
-½⟨(p − H)₊, (p − H)₊⟩/h. For perfect plasticity see Sahlin et al., Proc. IMechE J 224, 2010, 335.
+of the curve. If H rises with u, the law adds a convex term to the energy that the solver minimises. For a straight line
+this term is ½⟨(p − H)₊, (p − H)₊⟩/h. For perfect plasticity see Sahlin et al., Proc. IMechE J 224, 2010, 335.
 """
 
 from __future__ import annotations

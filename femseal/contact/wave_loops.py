@@ -29,7 +29,7 @@ def multiply_mixing(block, n, first, count, weights, twisted, turn1, turn2):
     Parameters
     ----------
     block : array (columns, >= n)
-        Waves of some columns, which are replaced.
+        Fourier coefficients of some columns; they are overwritten.
     n : int
         Number of waves of a column.
     first, count : int

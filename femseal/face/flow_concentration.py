@@ -65,7 +65,7 @@ def short_wave(surface: Surface) -> float:
 
 
 def _short_wave(patch: Topography) -> float:
-    """Return the wavelength `short_wave` of a single map [m]."""
+    """Compute the wavelength [m] that `short_wave` returns, for a single map."""
     q1, q2 = wavenumber_grids(patch.shape, patch.spacing, patch.periodic)
     squared = q1**2 + q2**2
     heights = patch.heights - patch.heights.mean()

@@ -80,7 +80,7 @@ def pressure_margins(line_count: int, with_range: bool) -> Margins:
 
 
 def pressure_panel_height(margins: Margins) -> float:
-    """Return the height of a panel with pressures [inch]."""
+    """Return the height [inch] of a panel that shows pressures."""
     return _AXES_HEIGHT + margins.bottom + margins.top
 
 

@@ -21,7 +21,7 @@ _TILE_BYTES = 4000
 
 @contextmanager
 def refuse_impossible_sizes() -> Iterator[None]:
-    """Raise an InputError if a size or a number is too large for the computations within this context."""
+    """Raise an InputError if a size or a number is too large for the computations in the `with` block."""
     try:
         yield
     except (MemoryError, OverflowError, RecursionError) as error:

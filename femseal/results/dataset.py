@@ -251,7 +251,7 @@ def _add_row_coordinate(data: xarray.Dataset, width: float) -> None:
 
 
 def _add_face(data: xarray.Dataset, scene: Scene, face: FaceResult) -> None:
-    """Add the fields of a deterministic or two-scale study, and the fields of its cells if it has cells."""
+    """Add the variables of a deterministic or two-scale study, including those of its cells if it has cells."""
     variables.add_declared(data, face)
     variables.add_block_means(data, scene, face)
     if face.cells is None:

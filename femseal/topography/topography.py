@@ -418,7 +418,7 @@ class Topography(Plotted):
         fraction = self.undefined_fraction
         limit = validate.number("max_share", max_share, inclusive=True)
         if fraction == 1:
-            raise InputError("undefined points", "100 %", "a map with defined points")
+            raise InputError("undefined points", "100 %", "a map with at least one defined point")
         if fraction > limit:
             given = f"{as_text(fraction, percent=True)} undefined points"
             most = as_text(limit, percent=True)
