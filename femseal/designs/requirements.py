@@ -85,7 +85,8 @@ class Seals:
         """Create the seals. If the leakage at low loads is unknown, set it to infinity.
 
         At low loads the fluid pressure alone can carry the load, and the faces are separated. These loads of a branch
-        are all below the lowest load at which the leakage is known. Loading and each unloading are treated separately, because the load at which the faces separate differs between them.
+        are all below the lowest load at which the leakage is known. Loading and each unloading are treated separately,
+        because the load at which the faces separate differs between them.
         """
         magnitude = np.abs(np.atleast_2d(reals(leakage)))
         is_known = ~np.isnan(magnitude).all(axis=0)  # (steps,)
