@@ -50,9 +50,9 @@ class Fluid(Protocol):
 
 
 #: Phrases that explain keys of several fluids in a case.
-_VISCOSITY = 'dynamic, or kinematic such as `"46 cSt"` beside a density'
+_VISCOSITY = 'dynamic viscosity, or kinematic viscosity such as `"46 cSt"` together with a density'
 _NAMELESS = "without a `name`"
-_BARUS = "rise of viscosity with pressure: by Barus, or by Roelands"
+_BARUS = "increase of the viscosity with the pressure, by the law of Barus or of Roelands"
 
 
 def _viscosity(example: str) -> Any:
@@ -64,7 +64,7 @@ def _viscosity(example: str) -> Any:
 def _density(default: float) -> Any:
     """Declare the parameter `density` of a liquid class, for use in a case file."""
     allowed = "a density > 0, such as '870 kg/m^3'"
-    meaning = "at the reference state"
+    meaning = "density at the reference state"
     return parameter("kg/m^3", allowed, meaning, usual=(50.0, 2.5e4), default=default)
 
 
@@ -89,14 +89,15 @@ class _OnFaces:
     surface_tension: float | None = parameter(
         "N/m",
         "a surface tension > 0, such as '73 mN/m'",
-        "with a `contact_angle` above 90° gives the pressure of entry",
+        "surface tension; with a `contact_angle` above 90°, the results state the pressure at "
+        "which the liquid enters the gap",
         usual=(1e-3, 3.0),
         default=None,
     )
     contact_angle: float | None = parameter(
         "rad",
         "a contact angle >= 0, such as '110 deg'",
-        "on the faces",
+        "contact angle of the liquid on the surfaces",
         usual=(1e-3, 3.15),
         inclusive=True,
         default=None,
@@ -104,7 +105,7 @@ class _OnFaces:
     slip_length: float = parameter(
         "m",
         "a length >= 0, such as '20 nm'",
-        "on both faces",
+        "slip length of the liquid on both surfaces",
         usual=(1e-10, 1e-5),
         inclusive=True,
         default=0.0,
@@ -113,7 +114,7 @@ class _OnFaces:
     bulk_modulus: float | None = parameter(
         "Pa",
         "a bulk modulus > 0, such as '2 GPa'",
-        "of trapped liquid, incompressible unless given",
+        "bulk modulus of trapped liquid, which is incompressible by default",
         usual=(5e7, 1e11),
         default=None,
         since="0.2",
@@ -297,7 +298,7 @@ class IdealGas(Gas):
     molar_mass: float = parameter(
         "kg/mol",
         "a molar mass > 0, such as '29 g/mol'",
-        "of the gas",
+        "molar mass of the gas",
         usual=(1e-3, 1.0),
         needed=_NAMELESS,
     )

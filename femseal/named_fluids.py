@@ -281,12 +281,12 @@ class DenseGasSlip(FukuiKaneko):
 def temperature_of_gas(**more: Any) -> Any:
     """Declare the parameter `temperature` of a gas. `more` are further arguments for `base.validate.parameter`."""
     allowed = "a temperature above absolute zero, such as '20 °C'"
-    return parameter("K", allowed, "of the gas", usual=(2.0, 2000.0), **more)
+    return parameter("K", allowed, "temperature of the gas", usual=(2.0, 2000.0), **more)
 
 
 def slip_of_gas() -> Any:
     """Declare the parameter `slip` of a gas."""
-    meaning = "slip and free molecular flow in narrow gaps"
+    meaning = "whether slip and free molecular flow in narrow gaps are taken into account"
     return described(meaning, default=True)
 
 
@@ -339,7 +339,7 @@ class RealGas(Gas):
     """
 
     kind: ClassVar[str] = "real-gas"
-    name: str = described("a gas as CoolProp knows it", example="nitrogen")
+    name: str = described("name of the gas in CoolProp", example="nitrogen")
     temperature: float = temperature_of_gas(default=TABLE_TEMPERATURE)
     slip: bool = slip_of_gas()
 

@@ -50,11 +50,13 @@ class ContactTable(Table):
     """Settings of the contact solution, and whether the fluid pressure separates the faces, see `studies.Scene`."""
 
     boundary: Annotated[tuple[Boundary, Boundary], OneForBothAxes()] = key(
-        "boundary of the surface along x1 and x2; one word counts for both", ("free", "periodic")
+        "boundary conditions of the surface along x1 and x2; a single word applies to both",
+        ("free", "periodic"),
     )
     rtol: float = key("residual at which the contact solver stops", 1e-5, gt=0, lt=0.1)
     fluid_pressure: Literal[FLUID_EFFECTS] = key(  # type: ignore[valid-type]
-        "the fluid presses the faces apart, is also trapped in closed pockets, or is ignored",
+        "effect of the fluid pressure: it pushes the surfaces apart, or liquid is also "
+        "trapped in closed pockets, or it is ignored",
         "acts",
         since="0.2",
     )
@@ -64,7 +66,7 @@ class FlowTable(Table):
     """How flow is solved, in cells, in whole faces and over the seal."""
 
     solver: Literal[SOLVERS] = key(  # type: ignore[valid-type]
-        "solver of the flow in cells and over the seal", "auto"
+        "solver of the flow through cells and through the seal", "auto"
     )
 
 
@@ -72,8 +74,9 @@ class CellsTable(Table):
     """How a measured surface is cut into cells, for all methods except the deterministic one."""
 
     count: tuple[Count, Count] | None = key(
-        "number of cells along x1 and x2; unless given, as many as the realisations need; for two "
-        "scales, cells of eight shortest waves; for blocks, of a quarter of a block, at most 256 points",
+        "number of cells along x1 and x2; by default, femseal chooses it for stochastic seals; for "
+        "two-scale studies, a cell is eight of the shortest waves long; for blocks, it is a quarter of "
+        "a block with at most 256 points",
         None,
         example=[4, 8],
     )
@@ -93,13 +96,13 @@ class StochasticTable(Table):
     """How random realisations of a seal are made, see `studies.Sampling`."""
 
     length: Length | None = key(
-        "length of a strip along x2; that of the surface unless given", None, start="10 mm"
+        "length of a strip along x2; by default that of the surface", None, start="10 mm"
     )
     breadth: Annotated[Length, UsualRange(1e-6, 1.0, "m")] | None = key(
-        "breadth of a strip along x1; that of the surface unless given", None, example="2 mm"
+        "breadth of a strip along x1; by default that of the surface", None, example="2 mm"
     )
     realisations: Annotated[int, Field(strict=True, ge=2)] | None = key(
-        "number of realisations; unless given, as many as the 95 % interval needs", None, example=50
+        "number of realisations; by default as many as the 95 % interval needs", None, example=50
     )
     quantiles: tuple[Fraction, Fraction] = key(
         "lower and upper quantile of the realisations", (0.05, 0.95)
@@ -121,18 +124,20 @@ class Case(Table):
     method: Method = key("how the leakage is computed", "stochastic", start="stochastic")
     compare: tuple[Method, ...] = key("further methods, for comparison", (), example=["two-scale"])
     accuracy: Accuracy | None = key(
-        "wanted relative numerical error; what the case leaves open is refined until it is reached",
+        "relative numerical error that you want; settings that the case leaves open are "
+        "refined until it is reached",
         None,
         example="10 %",
     )
     time_limit: Duration | None = key(
-        "time after which no further attempt at the accuracy begins", None, example="1 h"
+        "time after which no further attempt to reach the accuracy begins", None, example="1 h"
     )
     seed: Number = key(
         "seed of the random numbers; results do not depend on the number of workers", 0, start=1
     )
     memory: FileSize | None = key(
-        "a run that needs more memory is refused; the free memory unless given",
+        "a run that needs more memory than this is rejected; by default, the free memory of "
+        "the machine",
         None,
         example="16 GB",
         exclude=True,
@@ -149,13 +154,13 @@ class Case(Table):
         "the solid of the counter-face, which is rigid without this table", None
     )
     load: LoadTable = key(
-        'nominal contact pressures, or forces on the seal, "10 kN", or per length, "200 N/mm"'
+        'nominal contact pressures, or forces on the seal ("10 kN") or per length of seal ("200 N/mm")'
     )
     contact: ContactTable = key("how the contact is solved", ContactTable())
     flow: FlowTable = key("how the flow is solved", FlowTable())
     fluid: AnyFluid = key("the fluid and its pressures", needed="without a `name`")
     seal: AnySeal = key(
-        "shape of the seal; a strip has its length in [stochastic]",
+        "shape of the seal; the length of a strip is given in [stochastic]",
         {"kind": "rectangular"},
         validate_default=True,
     )

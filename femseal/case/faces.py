@@ -58,7 +58,7 @@ class FaceMap(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-_CUT_OFF = "shortest wave of the roughness; 8 pixels unless given"
+_CUT_OFF = "shortest wave of the roughness; by default 8 pixels"
 
 
 class GeneratedFace(Table):
@@ -69,13 +69,13 @@ class GeneratedFace(Table):
     size: tuple[Side, Side] = key("length along x1 and x2", start=["240 um", "480 um"])
     hurst: Hurst = key("Hurst exponent of the roughness", 0.8)
     ra: Relief | None = key(
-        "Ra on the drawing, with which `femseal check` compares the surface",
+        "Ra on the drawing; `femseal check` compares the surface with it",
         None,
         example="1.6 um",
         since="0.3",
     )
     rz: Relief | None = key(
-        "Rz on the drawing, with which `femseal check` compares the surface",
+        "Rz on the drawing; `femseal check` compares the surface with it",
         None,
         example="8 um",
         since="0.3",
@@ -100,9 +100,13 @@ class SelfAffineFace(GeneratedFace):
 
     make_heights = staticmethod(self_affine)
     kind: Literal["self-affine"]
-    rms_slope: Slope | None = key("rms slope", None, example=0.2)
-    rms_height: Relief | None = key("rms height", None, example="1 um", instead="rms_slope")
-    roll_off: Wave | None = key("longest wave of the power law", None, example="60 um")
+    rms_slope: Slope | None = key("rms slope of the surface", None, example=0.2)
+    rms_height: Relief | None = key(
+        "rms height of the surface", None, example="1 um", instead="rms_slope"
+    )
+    roll_off: Wave | None = key(
+        "longest wave of the power law of the spectrum", None, example="60 um"
+    )
     cut_off: Wave | None = key(_CUT_OFF, None, example="7.5 um")
 
 
@@ -114,17 +118,22 @@ class TurnedFace(GeneratedFace):
     pitch: Wave = key("feed per turn", start="60 um")
     depth: Relief = key("height of the ridges", start="2.5 um")
     nose_radius: Wave | None = key(
-        "nose radius of the tool; between grooves that do not meet, the surface stays flat",
+        "nose radius of the tool; where neighbouring grooves do not meet, the surface between "
+        "them is flat",
         None,
         example="0.4 mm",
     )
-    feed_error: Fraction = key("rms scatter of the feed, over the pitch", 0.0, start=0.03)
-    depth_error: Fraction = key("rms scatter of the depth, over the depth", 0.0, start=0.1)
+    feed_error: Fraction = key("rms scatter of the feed, divided by the pitch", 0.0, start=0.03)
+    depth_error: Fraction = key(
+        "rms scatter of the depth of the grooves, divided by their depth", 0.0, start=0.1
+    )
     waviness: Height = key("rms height of a long wave along x1", 0.0, example="0.2 um")
-    waviness_length: Wave | None = key("length of that wave", None, example="120 um")
-    roughness: Height = key("rms height of superposed self-affine roughness", 0.0, start="0.8 um")
+    waviness_length: Wave | None = key("length of the long wave", None, example="120 um")
+    roughness: Height = key(
+        "rms height of a self-affine roughness that is added", 0.0, start="0.8 um"
+    )
     roughness_roll_off: Wave | None = key(
-        "longest wave of the power law of the roughness", None, start="40 um"
+        "longest wave of the power law of the spectrum of the roughness", None, start="40 um"
     )
     cut_off: Wave | None = key(_CUT_OFF, None, example="7.5 um")
 
@@ -146,13 +155,13 @@ class MapFile(Table):
     """A file with a map of heights, see `topography.read_topography`; paths are relative to the case file."""
 
     path: Path | None = key(
-        "path relative to the case: .npy .npz .csv .asc .txt .xyz .x3p .sdf, more after "
-        "`pip install 'femseal[surface]'`",
+        "file of heights, relative to the case: .npy .npz .csv .asc .txt .xyz .x3p .sdf, and "
+        "more formats after `pip install 'femseal[surface]'`",
         None,
         example="face.plu",
     )
     size: tuple[Side, Side] | None = key(
-        "size along x1 and x2, if the file has none or a wrong one",
+        "size along x1 and x2, if the file contains no size or a wrong one",
         None,
         example=["1.2 mm", "0.9 mm"],
     )
@@ -160,31 +169,37 @@ class MapFile(Table):
         "size of a pixel along x1 and x2", None, example=["1 um", "2 um"], instead="size"
     )
     height_unit: str | None = key(
-        "unit of the heights, if the file has none or a wrong one", None, example="um"
+        "unit of the heights, if the file contains no unit or a wrong one", None, example="um"
     )
     delimiter: str | None = key(
-        "character between the numbers of a text, if it is not recognised", None, example=";"
+        "character between the numbers of a text file, if it is not recognised", None, example=";"
     )
-    array: str | None = key("name of the array of heights in an `.npz`", None, example="heights")
+    array: str | None = key(
+        "name of the array of heights in an `.npz` file", None, example="heights"
+    )
     channel: Channel = key("number or name of the channel, if the file has several", 0)
-    transpose: bool = key("whether x and y are exchanged", False)
+    transpose: bool = key("whether x and y of the file are exchanged", False)
     mask: Path | None = key(
-        "image, text or `.npy` of the size of the map; points that are not 0 (black) are undefined",
+        "image, text or `.npy` file of the size of the map; points where it is not 0 (black) "
+        "become undefined",
         None,
         example="mask.png",
     )
-    file_mask: bool = key("whether points that a `.gwy` or `.npz` masks are undefined", True)
+    file_mask: bool = key(
+        "whether points that are masked in a `.gwy` or `.npz` file become undefined", True
+    )
     no_data: float | Literal["none"] | None = key(
-        "value of points that were not measured; recognised unless given; `none`: all are heights",
+        "number that stands for points without a height; by default it is recognised; `none`: "
+        "all numbers are heights",
         None,
         example=-9999,
         since="0.3",
     )
-    verify_checksum: bool = key("whether an `.x3p` with a wrong checksum is refused", True)
+    verify_checksum: bool = key("whether an `.x3p` file with a wrong checksum is rejected", True)
     crop: Annotated[
         tuple[Position, Position, Position, Position] | None, BeforeValidator(_check_crop)
     ] = key(
-        "part of the map that is used: start and end along x1, then along x2",
+        "part of the map that is used: start and end along x1, then start and end along x2",
         None,
         example=["0.1 mm", "0.9 mm", "0 mm", "0.5 mm"],
     )
@@ -192,7 +207,8 @@ class MapFile(Table):
         "whether the heights repeat along x1 and x2", (False, False)
     )
     tip_radius: Wave | None = key(
-        "radius of the stylus, as in the file unless given; shorter waves than it can follow are removed",
+        "radius of the tip of the stylus, by default that in the file; waves that the tip "
+        "cannot follow are removed",
         None,
         example="2 um",
         since="0.3",
@@ -227,7 +243,8 @@ class FileFace(MapFile):
 
     kind: Literal["file"]
     patches: PatchTables | None = key(
-        "several measured patches: files, a pattern, or tables with keys of their own",
+        "several measured patches: a list of files, a pattern of file names, or tables with "
+        "their own keys",
         None,
         example=["a.plu", "b.plu", "c.plu"],
         since="0.2",
@@ -240,13 +257,13 @@ class FileFace(MapFile):
         needed="of a second face",
     )
     rotate: Angle | None = key(
-        "angle by which it is turned about its middle",
+        "angle by which the second face is turned about its centre",
         None,
         example="5 deg",
         needed="of a second face",
     )
     shift: tuple[Shift, Shift] | None = key(
-        "shift of its middle along x1 and x2",
+        "shift of the centre of the second face along x1 and x2",
         None,
         example=["0 um", "20 um"],
         needed="of a second face",
@@ -330,27 +347,35 @@ class SurfaceTable(Table):
     """Repair of measured surfaces and conditioning of the sum of both faces, see `topography.conditioning`."""
 
     spikes: Threshold = key(
-        "isolated points of files beyond so many robust deviations are filled; `inf`: none", SPIKES
+        "isolated points of files that deviate by more than this number of robust standard "
+        "deviations are replaced; `inf`: none",
+        SPIKES,
     )
     detrend: Literal[0, 1, 2] | None = key(
-        "form that is removed: 0 mean, 1 also tilt, 2 also curvature; unless given 1 for files, with "
-        "a curved `[seat]` 2, and 0 for generated surfaces",
+        "form that is removed: 0: mean, 1: also tilt, 2: also curvature; by default 0 for "
+        "generated surfaces, 1 for measured ones, and 2 for measured ones with a curved "
+        "`[seat]`",
         None,
         example=2,
     )
     shortest_wave: Wave | None = key(
-        "cut-off of the low-pass; 8 pixels unless given, of a file the shortest measured wave",
+        "shortest wave that the low-pass filter keeps; by default 8 pixels, or the shortest "
+        "measured wave of a file",
         None,
         example="8 um",
     )
-    max_undefined: Fraction = key("largest fraction of undefined points that is filled", 0.05)
+    max_undefined: Fraction = key(
+        "largest fraction of undefined points that is accepted; they are filled", 0.05
+    )
     points: tuple[Count, Count] | None = key(
-        "points of the grid; of a file, 8 pixels per shortest measured wave unless given",
+        "number of points of the grid along x1 and x2; by default, a measured surface has 8 "
+        "points per shortest measured wave",
         None,
         example=[512, 1024],
     )
     continue_spectrum: Wave | None = key(
-        "down to this wave, waves are added by the power law of the measured ones, with random phases",
+        "waves down to this length are added to the measured ones; they follow the power law "
+        "of the spectrum and have random phases",
         None,
         example="1 um",
         since="0.2",

@@ -110,7 +110,7 @@ class MapTable(ParameterTable):
     makers = _MAPS
     kind: str
     at: Load | None = key(
-        "load at which this map holds, if there are several", None, example="200 MPa"
+        "load to which this map applies, if there are several maps", None, example="200 MPa"
     )
 
 
@@ -120,7 +120,7 @@ class UniformMap(MapTable):
     kind: Literal["uniform"]
 
 
-_FRACTIONS = "pressures over their mean"
+_FRACTIONS = "local pressures as fractions of the nominal pressure; they are scaled to a mean of 1"
 
 
 class ProfileMap(MapTable):
@@ -129,7 +129,7 @@ class ProfileMap(MapTable):
     kind: Literal["profile"]
     fractions: tuple[PressureRatio, ...] = key(_FRACTIONS, example=[1, 3], since="0.2")
     positions: tuple[Position, ...] = key(
-        "positions of the fractions across the seal; on a ring, radii",
+        "positions across the seal (on a ring: radii) at which the fractions are given",
         (),
         example=["10 mm", "12 mm"],
     )
@@ -141,9 +141,11 @@ class AngleMap(MapTable):
     kind: Literal["angle"]
     fractions: tuple[PressureRatio, ...] = key(_FRACTIONS, example=[1.3, 0.8], since="0.2")
     angles: tuple[Angle, ...] = key(
-        "angles of the fractions around the seal", (), example=["0 deg", "30 deg"]
+        "angles around the seal at which the fractions are given", (), example=["0 deg", "30 deg"]
     )
-    repeat: Count = key("how many times the fractions repeat around the seal", 1, instead="angles")
+    repeat: Count = key(
+        "number of times that the fractions are repeated around the seal", 1, instead="angles"
+    )
 
 
 class FieldMap(MapTable):
@@ -151,7 +153,8 @@ class FieldMap(MapTable):
 
     kind: Literal["field"]
     path: Path = key(
-        "mesh with the pressure at points or in cells, or a `.csv`", example="flange.vtu"
+        "mesh file with the pressure at its points or in its cells, or a `.csv` file",
+        example="flange.vtu",
     )
     name: str = key("name of the array or the column", "pressure")
     length_unit: str = key("unit of the coordinates", example="mm")
@@ -171,15 +174,15 @@ class LoadTable(Table):
     """Loads of the load cycle, see `loads.LoadProgramme`: nominal pressures, or forces on the seal."""
 
     loading: tuple[Load, ...] = key(
-        "rising loads of the assembly",
+        "increasing loads during assembly",
         min_length=1,
         start=[f"{p} MPa" for p in (25, 50, 100, 150, 250, 400, 500)],
     )
     unload_from: tuple[Load, ...] = key(
-        "peaks from which the seal is unloaded", (), start=["250 MPa", "500 MPa"]
+        "peak loads from which the seal is unloaded", (), start=["250 MPa", "500 MPa"]
     )
     unloading: tuple[Load, ...] = key(
-        "loads on the way down from each peak",
+        "decreasing loads on unloading from each peak",
         (),
         start=[f"{p} MPa" for p in (400, 250, 150, 100, 50, 25)],
         needed="with `unload_from`",
@@ -190,13 +193,16 @@ class LoadTable(Table):
         since="0.2",
     )
     relaxation: Relaxation = key(
-        "fraction of each peak, or without peaks of each load, that is lost before service",
+        "fraction of each peak load (or of each load, if there are no peaks) that is lost "
+        "before service",
         0.0,
         example=0.1,
         since="0.2",
     )
     map: Annotated[tuple[AnyMapTable, ...] | None, BeforeValidator(_as_list)] = key(
-        "distribution of the contact pressure over the seal, or several, each at its load", None
+        "distribution of the contact pressure over the seal, or several distributions, each "
+        "for one load",
+        None,
     )
 
     @model_validator(mode="after")

@@ -48,50 +48,73 @@ LeakClassName = Annotated[str, BeforeValidator(_read_class), _text_schema(KNOWN)
 class OutputTable(Table):
     """Optional contents of the results folder, and how leakage is given."""
 
-    pictures: bool = key("pictures; without them there is no report; `--resume` adds them", True)
-    picture_formats: tuple[Literal[PICTURE_FORMATS], ...] = key(  # type: ignore[valid-type]
-        "formats of the pictures; svg and pdf are for print", ("png",), example=["png", "pdf"]
+    pictures: bool = key(
+        "whether pictures are drawn; without them there is no report; `--resume` draws them later",
+        True,
     )
-    report: bool = key("the page `report.html`, which `femseal report DIR` can write later", True)
-    fields: bool = key("gap, contact pressure and fluid pressure at all pixels", True)
+    picture_formats: tuple[Literal[PICTURE_FORMATS], ...] = key(  # type: ignore[valid-type]
+        "formats of the pictures; svg and pdf are suitable for print",
+        ("png",),
+        example=["png", "pdf"],
+    )
+    report: bool = key(
+        "whether `report.html` is written; `femseal report DIR` can write it later", True
+    )
+    fields: bool = key(
+        "whether gap, contact pressure and fluid pressure at all pixels are written", True
+    )
     paraview: Literal[FORMATS] = key(  # type: ignore[valid-type]
         "files for ParaView", "vtu"
     )
     fields_limit: FileSize = key(
-        "largest size of these fields; steps beyond it are left out", FIELDS_LIMIT, example="1 GB"
+        "largest total size of the fields at all pixels; if they are larger, some load steps "
+        "are left out",
+        FIELDS_LIMIT,
+        example="1 GB",
     )
     leakage_unit: LeakUnitName | None = key(
-        "unit of leakage in tables, pictures and report; a readable one unless given",
+        "unit of leakages in tables, pictures and the report; by default one that suits the values",
         None,
         example="mL/min",
     )
     throughput_temperature: Temperature | None = key(
-        "temperature for leakage of a gas in Pa·m³/s or mbar·L/s; that of the gas unless given",
+        "temperature to which leakages of a gas in Pa·m³/s or mbar·L/s refer; by default that "
+        "of the gas",
         None,
     )
     classes: tuple[LeakClassName, ...] = key(
         "leakage classes that are checked at every load", (), example=["L0.01", "TA Luft"]
     )
     nominal_diameter: Annotated[Length, UsualRange(1e-3, 10.0, "m")] | None = key(
-        "nominal diameter of valve, seat or stem, for leakage classes", None, example="50 mm"
+        "nominal diameter of the valve, seat or stem, for leakage classes that depend on it",
+        None,
+        example="50 mm",
     )
     rated_capacity: VolumeRate | None = key(
         "flow through the open valve, for class IV of FCI 70-2", None
     )
     drop_volume: Volume = key(
-        'volume of a drop in `"drops/min"`; classes have their own', DROP, example="0.05 mL"
+        'volume of a drop, for leakages in `"drops/min"`; leakage classes use the volume in '
+        "their standard",
+        DROP,
+        example="0.05 mL",
     )
     bubble_volume: Volume = key(
-        'volume of a bubble in `"bubbles/min"`; classes have their own', BUBBLE, example="0.15 mL"
+        'volume of a bubble, for leakages in `"bubbles/min"`; leakage classes use the volume '
+        "in their standard",
+        BUBBLE,
+        example="0.15 mL",
     )
     test_fluid: AnyFluid | None = key(
-        "fluid of a leak test of the same seal, by which leakage classes are checked",
+        "fluid of a leak test of the same seal; leakage classes are then checked with this fluid",
         None,
         example={"name": "helium", "inlet_pressure": "40 bar"},
     )
-    budget: bool = key("the error budget and the 95 % interval of every leakage", True)
+    budget: bool = key(
+        "whether the error budget and the 95 % interval of every leakage are computed", True
+    )
     model_parts: tuple[Literal[MODEL_PARTS], ...] = key(  # type: ignore[valid-type]
-        "sources of the error budget that are of model and input", MODEL_PARTS, since="0.2"
+        "sources of the error budget that concern the model and the input", MODEL_PARTS, since="0.2"
     )
 
     @model_validator(mode="before")

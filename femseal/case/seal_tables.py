@@ -63,21 +63,25 @@ class FluidTable(ParameterTable):
 def _keys_of_fluid(fluid: Any) -> dict[str, Any]:
     """Return the keys that the table of a fluid has in addition to the parameters of the fluid: name and pressures."""
     inlet = key(
-        'pressure at the inlet, of a gas absolute; gauge pressures as `"99 bar(g)"`', start="1 MPa"
+        "pressure at the inlet; for a gas it is absolute, unless it is given as a gauge "
+        'pressure such as `"99 bar(g)"`',
+        start="1 MPa",
     )
     outlet = key(
-        "pressure at the outlet, given like that at the inlet",
+        "pressure at the outlet, given in the same way as at the inlet",
         fluid.outlet_pressure,
         start="0.1 MPa",
     )
     ambient = key(
-        "ambient pressure, from which gauge pressures count; then also the default at the outlet",
+        "ambient pressure, to which gauge pressures refer; if it is given, it is also the "
+        "default pressure at the outlet",
         None,
         example="1 atm",
         since="0.2",
     )
     name = key(
-        "name of a fluid, which gives its properties; more names after `pip install 'femseal[fluids]'`",
+        "name of a fluid, from which its properties follow; more names are known after `pip "
+        "install 'femseal[fluids]'`",
         None,
         example="water",
         max_length=60,
@@ -100,7 +104,7 @@ class FormTable(ParameterTable):
 
     makers = FORMS
     tolerance: float = key(
-        "relative error of the height, for the error budget",
+        "relative error of the height of the form, for the error budget",
         0.0,
         example=0.2,
         since="0.2",
@@ -126,10 +130,11 @@ class SealTable(ParameterTable):
         lay: Any
     makers = LAYOUTS
     form: Annotated[tuple[AnyForm, ...], BeforeValidator(as_tables), Field(max_length=4)] | None = (
-        key("form of the whole seal; several are added", None, since="0.2")
+        key("form of the whole seal; several forms are added", None, since="0.2")
     )
     flatness: Annotated[Length, UsualRange(1e-8, 1e-2, "m")] | None = key(
-        "flatness of a whole seal of unknown form, from the lowest to the highest point",
+        "flatness of the whole seal if its form is unknown: height from the lowest to the "
+        "highest point",
         None,
         example="5 um",
         since="0.2",

@@ -74,7 +74,7 @@ class CoatingTable(Table):
         "thickness of the coating", start="20 um", since="0.2"
     )
     name: str | None = key(
-        "name of a metal, which gives `young`, `poisson` and `hardness`",
+        "name of a metal, from which `young`, `poisson` and `hardness` follow",
         None,
         example="silver, annealed",
         since="0.2",
@@ -83,7 +83,7 @@ class CoatingTable(Table):
     young: Modulus = key("Young's modulus", needed="without a `name`", since="0.2")
     poisson: Poisson = key("Poisson's ratio", 0.3, since="0.2")
     yield_stress: Strength | None = key(
-        "yield stress; the hardness is `hardness_over_yield` times as large",
+        "yield stress; the hardness is this stress times `hardness_over_yield`",
         None,
         example="54 MPa",
         since="0.2",
@@ -98,7 +98,7 @@ class CoatingTable(Table):
         since="0.2",
     )
     hardness: Strength | None = key(
-        "hardness: the largest contact pressure", None, example="150 MPa", since="0.2"
+        "hardness: the largest contact pressure of a point", None, example="150 MPa", since="0.2"
     )
 
     @model_validator(mode="after")
@@ -122,12 +122,15 @@ class SolidTable(Table):
     young: Modulus = key("Young's modulus", start="210 GPa", needed="without a `name`")
     poisson: Poisson = key("Poisson's ratio", 0.3, start=0.3)
     yield_stress: Strength | None = key(
-        "yield stress; the hardness is `hardness_over_yield` times as large; a solid without any strength is elastic",
+        "yield stress; the hardness is this stress times `hardness_over_yield`; a solid "
+        "without yield stress and hardness is elastic",
         None,
         example="1 GPa",
         instead="hardness",
     )
-    hardness: Strength | None = key("hardness: the largest contact pressure", None, start="2.8 GPa")
+    hardness: Strength | None = key(
+        "hardness: the largest contact pressure of a point", None, start="2.8 GPa"
+    )
     hardness_over_yield: float = key(
         "ratio of hardness to yield stress",
         HARDNESS_FACTOR,
@@ -137,41 +140,45 @@ class SolidTable(Table):
         since="0.2",
     )
     hardening: Hardening | None = key(
-        "rise of the hardness with the plastic deformation", None, example="2 GPa/um", since="0.2"
+        "increase of the hardness with the plastic deformation",
+        None,
+        example="2 GPa/um",
+        since="0.2",
     )
     hardness_tolerance: float = key(
         "relative error of the hardness, for the error budget", 0.1, ge=0, lt=1, since="0.2"
     )
     nix_gao_depth: Annotated[Height, UsualRange(1e-8, 1e-4, "m")] | None = key(
-        "depth h* of Nix and Gao: hardness × sqrt(1 + h*/depth)",
+        "depth h* in the law of Nix and Gao, which multiplies the hardness by sqrt(1 + h*/depth)",
         None,
         example="1 um",
         since="0.2",
         instead="hardening",
     )
     smallest_depth: Annotated[Length, UsualRange(1e-9, 1e-5, "m")] | None = key(
-        "depth up to which the hardness of Nix and Gao is constant",
+        "depth below which the hardness of the law of Nix and Gao is constant",
         None,
         example="0.1 um",
         since="0.2",
         instead="hardening",
     )
     hardness_table: HardnessRows = key(
-        "hardness over the plastic deformation, in rows or a file",
+        "hardness as a function of the plastic deformation, as rows or in a file",
         None,
         example=[["0.1 um", "2.4 GPa"], ["0.5 um", "2.1 GPa"], ["2 um", "2 GPa"]],
         since="0.2",
         instead="hardness",
     )
     name: str | None = key(
-        "name of a metal, which gives `young`, `poisson` and `hardness`",
+        "name of a metal, from which `young`, `poisson` and `hardness` follow",
         None,
         example="copper, soft",
         since="0.2",
         max_length=60,
     )
     coating: CoatingTable | None = key(
-        "coating of the solid, with `thickness`, and `name` or `young`, `poisson` and `hardness`",
+        "coating of the solid, with its `thickness`, and either its `name` or `young`, "
+        "`poisson` and `hardness`",
         None,
         example={"name": "silver, annealed", "thickness": "20 um"},
         since="0.2",

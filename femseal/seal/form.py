@@ -87,13 +87,13 @@ class WavyForm:
 
     kind: ClassVar[str] = "waves"
     height: float = parameter(
-        "m", "a height > 0, such as '3 um'", "from crest to trough", usual=(1e-9, 1e-3)
+        "m", "a height > 0, such as '3 um'", "height from crest to trough", usual=(1e-9, 1e-3)
     )
-    lobes: int | None = described("waves once around", example=2, default=None)
+    lobes: int | None = described("number of waves around the seal", example=2, default=None)
     wavelength: float | None = parameter(
         "m",
         "a length > 0, such as '40 mm'",
-        "on a strip or a ring, rounded to whole waves",
+        "wavelength, which is rounded so that a whole number of waves fits on the strip or ring",
         usual=(1e-5, 10.0),
         default=None,
         instead="lobes",
@@ -284,12 +284,13 @@ class FileForm:
 
     kind: ClassVar[str] = "file"
     path: Path = described(
-        "text with columns x, y, z or r, theta, z, or a map of heights", example="flatness.csv"
+        "text file with the columns x, y, z or r, theta, z, or a map of heights",
+        example="flatness.csv",
     )
     unit: str | None = described(
-        "of the heights; that of the file unless given", example="um", default=None
+        "unit of the heights; by default that in the file", example="um", default=None
     )
-    length_unit: str = described("of x and y or of r", default="mm")
+    length_unit: str = described("unit of x and y, or of r", default="mm")
 
     def __post_init__(self) -> None:
         for name in ("unit", "length_unit"):

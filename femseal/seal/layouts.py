@@ -119,9 +119,9 @@ class Layout(Protocol):
 
 
 #: Explanations of the keys `inlet` and `lay` of a case.
-_INLET = "side of the ring, or boundaries of the mesh"
+_INLET = "inlet: a side of the ring, or boundaries of the mesh"
 _LAY = (
-    "direction of x2 of the face on the seal; tables {angle = '30 deg'}, "
+    "direction on the seal of the axis x2 of the surface: a word, or a table such as {angle = '30 deg'}, "
     "{kind = 'spiral', lead = '60 um', starts = 1}, {field = 'file.vtu:name'}"
 )
 
@@ -189,10 +189,10 @@ class AnnularLayout:
     kind: ClassVar[str] = "annular"
     has_length: ClassVar[bool] = False
     inner_radius: float = parameter(
-        "m", "a length > 0, such as '10 mm'", "of the ring", usual=(1e-5, 100.0)
+        "m", "a length > 0, such as '10 mm'", "inner radius of the ring", usual=(1e-5, 100.0)
     )
     outer_radius: float = parameter(
-        "m", "a length > 0, such as '15 mm'", "of the ring", usual=(1e-5, 100.0)
+        "m", "a length > 0, such as '15 mm'", "outer radius of the ring", usual=(1e-5, 100.0)
     )
     inlet: Literal["inner", "outer"] = described(_INLET, default="inner")
     lay: Any = described(_LAY, default="circumferential")
@@ -261,18 +261,21 @@ class MeshLayout:
 
     kind: ClassVar[str] = "mesh"
     has_length: ClassVar[bool] = False
-    path: Path = described("file of the mesh, relative to the case", example="seal.msh")
-    unit: str = described("of the lengths in the mesh", example="mm")
+    path: Path = described("mesh file, relative to the case", example="seal.msh")
+    unit: str = described("unit of the lengths in the mesh", example="mm")
     inlet: str | tuple[str, ...] = described(_INLET, example="bore")
     outlet: str | tuple[str, ...] = described(
-        "boundaries; all others are closed", example=["rim", "bolts"]
+        "boundaries that form the outlet; all boundaries other than inlet and outlet are closed",
+        example=["rim", "bolts"],
     )
     lay: Any = described(_LAY, default="circumferential")
     centre: tuple[float, float] = described(
-        'of a lay `"circumferential"` or `"radial"`', example=["0 mm", "0 mm"], default=(0.0, 0.0)
+        'centre of a lay that is `"circumferential"` or `"radial"`',
+        example=["0 mm", "0 mm"],
+        default=(0.0, 0.0),
     )
     length: float | None = described(
-        "length that the leakage is divided by; of the outlet unless given",
+        "length of the seal, by which the leakage is divided; by default that of the outlet",
         example="80 mm",
         default=None,
     )

@@ -199,7 +199,7 @@ class CrownedSeat(Seat):
     """
 
     kind: ClassVar[str] = "crowned"
-    radius: float = _radius("of the crown or ball", "50 mm")
+    radius: float = _radius("radius of the crown or of the ball", "50 mm")
 
     def depth(self, x: Array, breadth: float) -> Array:
         """Return x²/2R."""
@@ -219,11 +219,11 @@ class BallOnCone(Seat):
     """
 
     kind: ClassVar[str] = "ball-on-cone"
-    radius: float = _radius("of the crown or ball", "10 mm")
+    radius: float = _radius("radius of the crown or of the ball", "10 mm")
     angle: float = parameter(
         "rad",
         "half the angle of the cone, such as '45 deg'",
-        "half the angle of the cone; loads are then axial",
+        "half the angle of the cone; loads are then axial forces or pressures",
         usual=(1e-3, 1.6),
     )
 
@@ -260,7 +260,7 @@ class RoundedSeat(Seat):
     land: float = parameter(
         "m", "a breadth > 0, such as '0.5 mm'", "breadth of the flat part", usual=(1e-7, 1.0)
     )
-    edge_radius: float = _radius("of both edges", "2 mm")
+    edge_radius: float = _radius("radius of both edges", "2 mm")
 
     def depth(self, x: Array, breadth: float) -> Array:
         """Return (|x| − b/2)²/2r beyond the land, and 0 on it."""
@@ -281,7 +281,7 @@ class TiltedSeat(Seat):
     tilt: float = parameter(
         "rad",
         "an angle, such as '0.02 deg'",
-        "slope across the seal, highest at the inlet",
+        "slope across the seal; the seat is highest at the inlet",
         usual=(-0.2, 0.2),
         above=-np.inf,
     )
@@ -305,7 +305,7 @@ class ProfileSeat(Seat):
 
     kind: ClassVar[str] = "profile"
     path: Path = described("file with the columns x1 and z", example="seat.csv")
-    unit: str = described("of its lengths", example="um")
+    unit: str = described("unit of the lengths in the file", example="um")
 
     def depth(self, x: Array, breadth: float) -> Array:
         """Return −z. The middle of the profile is placed in the middle of the seal's width."""
