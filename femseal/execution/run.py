@@ -21,7 +21,7 @@ Progress = Callable[[str, int, int | None], None]
 #: Interval between two log lines on a running stage [s].
 LOG_SECONDS = 60.0
 #: Name of the stage in which loops are compiled.
-COMPILING = "compiling, once after an installation"
+COMPILING = "compiling for one to two minutes, once after an installation"
 #: Listener that reports compilation; the list is empty if there is none.
 _active_listeners: list[Any] = []
 

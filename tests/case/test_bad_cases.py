@@ -521,7 +521,9 @@ def test_a_full_standard_output_is_one_line():
                 env=os.environ | {"PYTHONPATH": str(ROOT)},
             )
         said = "femseal: standard output: cannot be written (No space left on device)\n"
-        lines = done.stderr.removeprefix("compiling, once after an installation\n")
+        lines = done.stderr.removeprefix(
+            "compiling for one to two minutes, once after an installation\n"
+        )
         assert (done.returncode, lines) == (1, said)
 
 

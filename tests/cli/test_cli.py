@@ -115,7 +115,10 @@ def test_commands_tell_once_that_loops_are_compiled(
     (tmp_path / "test.csv").write_text(test)
     monkeypatch.setattr(f"femseal.{place}", loops)
     code, _, errors = femseal(command, ROOT / "examples" / "turned_seal.toml", *further)
-    assert (code, errors.count("compiling, once after an installation")) == (2, 1)
+    assert (code, errors.count("compiling for one to two minutes, once after an installation")) == (
+        2,
+        1,
+    )
 
 
 TURNED = fs.turned((96, 128), (96e-6, 128e-6), pitch=16e-6, depth=1e-6, roughness=2e-8, rng=1)

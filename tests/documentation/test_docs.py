@@ -87,6 +87,24 @@ def test_every_benchmark_has_its_page():
     assert set((ROOT / "tests" / "benchmarks").glob("*.md")) <= included
 
 
+@pytest.mark.parametrize("name", ["start.md", "tutorials/index.md", "tutorials/drawing.md"])
+def test_the_first_pages_can_be_read_as_plain_files(name):
+    """Viewers of repositories show directives and roles of Sphinx as code, without what they include."""
+    text = (DOCS / name).read_text(encoding="utf-8")
+    text = re.sub(r"```\{toctree\}\n:hidden:\n.*?```", "", text, flags=re.DOTALL)
+    assert not re.search(r"^ *(```|:::)\{|\{(term|doc|ref|class|func)\}`", text, flags=re.MULTILINE)
+
+
+def test_the_introduction_has_the_commands_of_the_readme():
+    blocks = [
+        re.search(
+            r"```sh\npython3 -m venv .*?-n 2\n```", path.read_text(encoding="utf-8"), re.DOTALL
+        )
+        for path in (ROOT / "README.md", DOCS / "start.md")
+    ]
+    assert blocks[0][0] == blocks[1][0]
+
+
 @pytest.mark.parametrize("page", PAGES)
 def test_files_that_pages_name_are_there(page):
     for name in re.findall(
