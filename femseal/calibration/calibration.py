@@ -21,6 +21,7 @@ from ..base import (
     comma_separated,
     counted,
     made_folder,
+    number_text,
     rows_of,
     to_text,
     versions,
@@ -333,8 +334,8 @@ def _notes_on_fit(posterior: Posterior, cube: Array, median: Array) -> list[str]
     largest_error = surrogate_error.max(initial=0.0)
     if largest_error > posterior.error:
         notes.append(
-            f"the interpolation between simulations has an error of {100 * largest_error:.2g} % at some load, more "
-            "than the test: increase --scenes"
+            "the interpolation between simulations has an error of "
+            f"{number_text(100 * largest_error, 2)} % at some load, more than the test: increase --scenes"
         )
     return notes
 

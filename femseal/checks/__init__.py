@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
+    from .coatings import coating_depth_warnings
     from .flow_limits import choked_flux, flow_warnings, gas_warnings
     from .form_effect import FormEffect, solve_form_effect
     from .plausibility import line_contact_warnings, result_warnings, scene_warnings

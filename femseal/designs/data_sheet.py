@@ -43,7 +43,7 @@ from ..results.verdict import (
     Verdict,
     verdicts_of,
 )
-from ..results.verdict_text import short_loads, verdict_lines, verdict_table
+from ..results.verdict_text import required_loads, short_loads, verdict_lines, verdict_table
 from .index_table import index_rows, index_sentence, index_table
 from .requirements import ENDS, Requirement, Seals
 from .sensitivities import Sensitivity
@@ -449,7 +449,7 @@ def sheet_sentences(answer: Design) -> list[str]:
             f"Both are for the median of {count} realisations; the 95 % interval includes their scatter. A further "
             f"column gives Qmin for {100 * answer.probability:.4g} % of the realisations, from their computed leakage."
         )
-    sentences.append(f"The seal is completely tight {answer.sealing.text(load_text)}.")
+    sentences.append(f"The seal is completely tight {required_loads(answer.sealing, load_text)}.")
     for peak, stiffness in answer.stiffness.items():
         sentences.append(
             f"The unloading stiffness from Q_A = {load_text(peak)} to a third of it is {stiffness / 1e12:.3g} MPa/µm. "

@@ -21,7 +21,6 @@ from ..base import (
     made_folder,
     rows_of,
     shown,
-    to_text,
     write_bytes,
     write_text,
 )
@@ -29,6 +28,7 @@ from ..base.fields import with_unit
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.text import display_package
 from ..loads import LoadStep
+from .class_loads import class_columns, common_load_text
 from .dataset_file import open_results
 from .ranking import Ranking
 from .results import Results
@@ -211,9 +211,10 @@ class RunComparison(Plotted):
         -------
         TextTable
             Table with one line for each run. The first columns are the keys of a sweep, or else the name of the run,
-            followed by the method if it differs between runs. The other columns give the leakage, with its 95 %
-            interval in brackets, at a few load steps that all runs have in common, or else at the highest load of
-            each run. The last column is the rank, with 1 for the run that leaks least. If the intervals overlap, it is
+            followed by the method if it differs between runs. If the cases have leakage classes in common, the load
+            from which on each class is met follows. The other columns give the leakage, with its 95 % interval in
+            brackets, at a few load steps that all runs have in common, or else at the highest load of each run. The
+            last column is the rank, with 1 for the run that leaks least. If the intervals overlap, it is
             the range of possible ranks.
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
@@ -223,6 +224,7 @@ class RunComparison(Plotted):
         methods = [results.method for results in self.runs]
         if len(set(methods)) > 1:
             columns.append(("method", methods))
+        columns += class_columns(self.runs)
         leakages = [self._leakage_texts(run) for run in range(len(self.runs))]
         for heading, steps in self._compared_steps():
             texts = [leakage[step] for leakage, step in zip(leakages, steps, strict=True)]
@@ -262,13 +264,14 @@ class RunComparison(Plotted):
         if not common:
             return [("highest load of each", [results.peak for results in self.runs])]
         loading = [step for step in common if step.unloaded_from is None]
-        chosen = [common[-1]]
+        chosen = {common[-1]}
         if loading:
-            chosen = [loading[0], loading[len(loading) // 2], loading[-1], *chosen]
+            chosen |= {loading[0], loading[len(loading) // 2], loading[-1], self._ranked_step}
+        load_text = common_load_text(self.runs)
         columns = []
-        for step in dict.fromkeys(chosen):  # without repetition
+        for step in sorted(chosen, key=common.index):
             loads = [load for load in (step.pressure, step.unloaded_from) if load is not None]
-            heading = " from ".join(to_text(load, "Pa", 3) for load in loads)
+            heading = " from ".join(map(load_text, loads))
             columns.append((heading, [results.steps.index(step) for results in self.runs]))
         return columns
 
@@ -279,16 +282,21 @@ class RunComparison(Plotted):
         It is the highest load at which at least two runs leak, or else the highest common load. The ranking is None if
         the runs have no such load in common.
         """
+        step = self._ranked_step
+        return None if step is None else self._ranking_at(step)
+
+    @property
+    def _ranked_step(self) -> LoadStep | None:
+        """Load step of the ranking, None if the runs have no step on loading in common."""
         loading = [step for step in self.common_steps if step.unloaded_from is None]
         if not loading:
             return None
         highest_first = sorted(loading, key=_pressure, reverse=True)
-        rankings = [self._ranking_at(step) for step in highest_first]
-        for ranking in rankings:
-            leaking_runs = int((ranking.leakage > 0).sum())
+        for step in highest_first:
+            leaking_runs = int((self._ranking_at(step).leakage > 0).sum())
             if leaking_runs > 1:
-                return ranking
-        return rankings[0]
+                return step
+        return highest_first[0]
 
     def _ranking_at(self, step: LoadStep) -> Ranking:
         """Rank the runs by their leakage at a load step that occurs in all of them."""
@@ -309,7 +317,7 @@ class RunComparison(Plotted):
         # an unknown end does not bound the leakage
         lower = np.nan_to_num(lower, nan=0.0, posinf=np.inf)
         upper = np.nan_to_num(upper, nan=np.inf, posinf=np.inf)
-        load = to_text(step.pressure, "Pa", 3)
+        load = common_load_text(self.runs)(step.pressure)
         return Ranking(load, self.labels, leakage, lower, upper, has_intervals)
 
     def write(

@@ -173,7 +173,18 @@ class _Answer:
         if not verdict.is_own_limit:
             (limit,) = _limit_texts(self.results, [verdict])
             leakage += f"; the class allows {limit}"
-        return [sentences[0], f"{leakage}.", *sentences[1:]]
+        return [sentences[0], f"{leakage}.", *sentences[1:], *self._after_relaxation(verdict)]
+
+    def _after_relaxation(self, verdict: Verdict) -> list[str]:
+        """Say which assembly load a class requires if the case states the fraction of the load that is lost later."""
+        relaxation = (self.results.case.get("load") or {}).get("relaxation") or 0.0
+        if not relaxation:
+            return []
+        needed = self.curve.needed_with_relaxation(verdict.limit, relaxation)
+        return [
+            f"If {100 * relaxation:.3g} % of the assembly load is lost before service, it is still met after an "
+            f"assembly {required_loads(needed, self.load_text)}."
+        ]
 
     def about_leakage(self, with_cycle: bool) -> Paragraph:
         """Say how much the whole seal leaks at the assembly load, and how this changes over the load cycle."""
@@ -368,12 +379,12 @@ def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = Tr
     sentences = [f"{subject}: {verdict.answer}, at the assembly load of {assembly_load}."]
     if not whole:
         return sentences
-    sentences.append(f"On loading it is met {_required_loads(verdict.assembly, load_text)}.")
+    sentences.append(f"On loading it is met {required_loads(verdict.assembly, load_text)}.")
     for peak, needed in verdict.service.items():
         if needed.computed == inf:  # the class is not even met at the peak
             continue
         sentences.append(
-            f"Unloaded from {load_text(peak)} it is kept {_required_loads(needed, load_text)}."
+            f"Unloaded from {load_text(peak)} it is kept {required_loads(needed, load_text)}."
         )
     if verdict.failed:
         loads = ", ".join(verdict.failed)
@@ -381,7 +392,7 @@ def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = Tr
     return sentences
 
 
-def _required_loads(needed: NeededPressure, load_text: LoadText) -> str:
+def required_loads(needed: NeededPressure, load_text: LoadText) -> str:
     """Name the load that the computed leakage requires, and the load that the whole interval requires."""
     as_computed = needed.words(needed.computed, load_text)
     if not needed.has_interval:

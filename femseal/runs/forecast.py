@@ -18,7 +18,7 @@ from ..base import InputError, Shape, as_text, counted, duration, free_memory, t
 from ..base.machine import storing
 from ..budget import BudgetRequest, versions_of_budget
 from ..case.case import Case
-from ..checks import flow_warnings
+from ..checks import coating_depth_warnings, flow_warnings
 from ..contact.workspace import KEPT_POINTS
 from ..flow.solvers.choice import elimination_memory
 from ..preparation.memory import START_MEMORY
@@ -138,7 +138,7 @@ def _lines(case: Case, original: Prepared) -> Iterator[Line]:
     attempt = "" if case.accuracy is None else "first attempt: "
     yield "expected", f"{attempt}{_time_line(expected)}; {_memory_line(expected)}"
     yield "disk", str(disk_space(case, prepared, budget_versions))
-    warnings = list(prepared.warnings)
+    warnings = [*prepared.warnings, *coating_depth_warnings(prepared.scene, None)]
     if form_effect is not None:
         warnings += form_effect.warnings
     if estimate is not None:

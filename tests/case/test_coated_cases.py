@@ -12,6 +12,7 @@ from femseal.case import parse_case
 from femseal.contact.law import contact_law
 from femseal.preparation.preparation import prepare
 from femseal.runs.case_description import solids_text
+from femseal.runs.forecast import describe
 
 CASE = {
     "title": "coated",
@@ -130,7 +131,9 @@ def test_every_study_takes_a_coating(method):
 
 
 def test_warnings_of_a_coating_that_is_too_thin():
-    scene = prepare(case_of(SILVER | {"thickness": "0.5 um"})).scene
+    thin = case_of(SILVER | {"thickness": "0.5 um"})
+    scene = prepare(thin).scene
+    assert any("may yield through" in line for line in describe(thin, prepare(thin)))
     texts = fs.deterministic(scene).warnings
     assert any("yields through" in text and "thicker coating" in text for text in texts)
     assert any("rms height" in text for text in texts)

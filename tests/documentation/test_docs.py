@@ -97,9 +97,7 @@ def test_the_first_pages_can_be_read_as_plain_files(name):
 
 def test_the_introduction_has_the_commands_of_the_readme():
     blocks = [
-        re.search(
-            r"```sh\npython3 -m venv .*?-n 2\n```", path.read_text(encoding="utf-8"), re.DOTALL
-        )
+        re.search(r"```sh\n[^`]*-n 2\n```", path.read_text(encoding="utf-8"))
         for path in (ROOT / "README.md", DOCS / "start.md")
     ]
     assert blocks[0][0] == blocks[1][0]

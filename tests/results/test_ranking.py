@@ -57,3 +57,47 @@ def test_a_comparison_says_which_runs_cannot_be_told_apart():
     assert "smooth leaks least" in note
     assert "overlaps with that of turned" in note
     assert "blasted" not in note
+
+
+def test_a_comparison_gives_the_force_from_which_on_each_run_meets_a_class():
+    """ln(leakage) is linear in ln(load): 10⁻⁶ m²/s at 1 kN and 10⁻⁷ m²/s at 2 kN, so 10⁻⁶·⁵ m²/s need √2 kN."""
+    face = fs.self_affine((32, 32), (4e-5, 4e-5), hurst=0.8, rms_slope=0.2, cut_off=1e-5, rng=1)
+    scene = steel_scene(face, loading=(5e7, 1e8))
+    study = fs.deterministic(scene)
+    limit = f"{1e3 * 10**-6.5:.6g} L/(m*s)"
+
+    def run(factor, forces):
+        leakage = factor * np.array([1e-6, 1e-7])
+        part = ErrorPart("patch", leakage / 2, leakage * 2, "by hand")
+        budget = ErrorBudget("deterministic", leakage, (part,), scene.steps)
+        case = {"load": {"loading": forces}}
+        facts = RunFacts(budgets={"deterministic": budget}, case=case, classes=[limit])
+        return assemble(scene, replace(study, leakage=leakage), facts=facts)
+
+    forces = ["1000.0 N", "2000.0 N"]
+    table = compare({"smooth": run(1.0, forces), "rough": run(100.0, forces)}).table()
+    _, computed, interval, *leakages, _ = zip(*table.lines, strict=True)
+    assert computed[0] == "from 1.41 kN on"
+    # the upper end leaks twice as much: log₁₀ 2 further along a slope of -1 for each factor of 2
+    assert interval[0] == f"from {2 ** (0.5 + np.log10(2)):.3g} kN on"
+    assert computed[1] == interval[1] == "at no load up to 2 kN"
+    assert len(leakages) == 2
+    assert table.heads[3] == "1 kN (50 MPa)"
+    assert table.heads[-1] == "rank at 2 kN (100 MPa)"
+    # of other areas, only the pressures can be compared
+    smaller = compare({"a": run(1.0, forces), "b": run(1.0, ["500.0 N", "1000.0 N"])}).table()
+    assert smaller.heads[-1] == "rank at 100 MPa"
+    assert smaller.lines[1][1] == "from 0.707 kN on"
+
+
+def test_the_load_of_the_rank_is_among_the_columns():
+    face = fs.self_affine((32, 32), (4e-5, 4e-5), hurst=0.8, rms_slope=0.2, cut_off=1e-5, rng=1)
+    scene = steel_scene(face, loading=(5e7, 1e8, 2e8, 3e8, 4e8))
+    study = fs.deterministic(scene)
+    runs = [
+        assemble(scene, replace(study, leakage=factor * np.array([1e-6, 1e-7, 1e-8, 1e-9, 0.0])))
+        for factor in (1.0, 2.0)
+    ]
+    heads = compare(dict(zip("ab", runs, strict=True))).table().heads
+    assert heads[-1] == "rank at 300 MPa"
+    assert "300 MPa" in heads

@@ -319,3 +319,15 @@ def test_reached_accuracy_is_said(study):
         "The accuracy of 10 % is not reached: the numerical error is 20 %, and with the model and its input "
         "it is 50 %."
     ) in lines
+
+
+def test_the_verdict_says_what_remains_after_relaxation(study):
+    """At 400 MPa 10⁻⁹ m²/s leak, and 2·10⁻⁹ m²/s at 200 MPa, after half of the load was lost."""
+    case = {"load": {"relaxation": 0.5}}
+    tight, loose = (limit_of(results_of(study, factor=1.01), value) for value in (1.5e-9, 3e-9))
+    (text,) = results_of(study, factor=1.01, classes=[tight], case=case).verdict_lines[:1]
+    lost = "If 50 % of the assembly load is lost before service, it is still met after an assembly "
+    assert f"{lost}at no load up to 400 MPa" in text
+    (text,) = results_of(study, factor=1.01, classes=[loose], case=case).verdict_lines[:1]
+    assert f"{lost}at every load from 400 MPa on" in text
+    assert "is lost before" not in results_of(study, classes=[loose]).verdict_lines[0]
