@@ -180,7 +180,7 @@ def _draw(rows, faces):
             ylim=(1, None),
         )
         ax.grid()
-        ax.set_ylabel("leakage after half of the load is lost,\ndivided by that at the peak")
+        ax.set_ylabel("leakage at half of the peak\nload / leakage at the peak")
     for ax in axes[3 + len(ratios) :]:
         ax.axis("off")
     handles, names = axes[3].get_legend_handles_labels()
@@ -231,7 +231,7 @@ def _draw_cells(axes, faces):
         axes[2].plot([r["leakage_over_first"] for r in found], [r["half_of_drop"] for r in found], ls="", ms=4,
                      marker=marker, label=f"{n * n} cells")  # fmt: skip
     axes[2].set(xscale="log", yscale="log", xlabel="leakage divided by that at the first load",
-                ylabel="cells that carry half of the pressure drop", title="constrictions")  # fmt: skip
+                ylabel="cells that carry half\nof the pressure drop", title="constrictions")  # fmt: skip
     axes[2].invert_xaxis()
     axes[2].legend()
 

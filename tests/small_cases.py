@@ -5,6 +5,7 @@ import tomllib
 
 from femseal.case import Case, case_template
 from femseal.fluids import Liquid
+from femseal.seal.layouts import LAYOUTS
 from femseal.studies import Scene
 from femseal.topography import self_affine
 
@@ -176,6 +177,7 @@ def template_cases():
         case, inside = tomllib.loads(text), re.match(r"\[\w+\.", block)
         for name, value in tomllib.loads(block).items():
             case[name] = case.get(name, {}) | value if inside else value
-        if case.get("seal", {}).get("kind") in ("annular", "mesh"):
+        kind = case.get("seal", {}).get("kind")
+        if kind and not LAYOUTS[kind].has_length:
             del case["stochastic"]["length"]
         yield case

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array, to_text
+from ..results.best_leakage import METHODS
 from ..results.load_steps import branches_in, force_scale
 from ..results.results import Results
 from .drawing import (
@@ -40,8 +41,9 @@ def surface_leakage(data: xarray.Dataset) -> Array:
 
     If no study has solved the surface itself, it is the median leakage of the realisations.
     """
-    # the first one of these variables that the dataset has
-    names = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks", "leakage_median")
+    preferred = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks")
+    others = [name for name in METHODS.values() if name not in (*preferred, "leakage_median")]
+    names = (*preferred, *others, "leakage_median")
     available = [name for name in names if name in data]
     return np.asarray(data[available[0]].values)
 

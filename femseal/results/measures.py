@@ -35,12 +35,12 @@ NARROWED_BY = {
     "hardness": "a measured hardness, and a smaller hardness_tolerance with it",
     "longer waves": "a larger measured area, or the flatness of the seal in [seal]",
     "patch": "a larger measured area, or a second measured patch",
-    "plastic law": "the hardness that agrees with plastic flow at this roughness, see the page on the plastic law",
+    "plastic law": "a hardness that agrees with plastic flow at this roughness (see the page on the plastic law)",
     "pixels": "more surface.points",
     "patches": "more measured patches",
     "realisations": "more realisations in [stochastic]",
     "solver": "a smaller contact.rtol",
-    "thin gap": "a smoother face: its gap is not thin against its waves",
+    "thin gap": "a smoother face (its gap is not thin against its waves)",
 }
 #: Action against the error "plastic law" if the case gives the yield stress and not the hardness.
 _RATIO_TO_YIELD_STRESS = (

@@ -220,7 +220,12 @@ class _Answer:
         peak = float(steps.pressures[self.step])
         first = int(falling_steps(steps, None)[-1])
         sentences = []
-        if first != self.step:
+        is_known = isfinite(float(self.curve.leakage[first]))
+        if first != self.step and not is_known:
+            sentences.append(
+                f"On loading at {self.load_of(first)}, the leakage is {self.value_at(first)}."
+            )
+        if first != self.step and is_known:
             sentences.append(
                 f"On loading it changes from {self.value_at(first)} at {self.load_of(first)} to "
                 f"{self.value_at(self.step)} at {self.assembly_load}."

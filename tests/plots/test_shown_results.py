@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import xarray
 from matplotlib import pyplot
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -27,6 +28,8 @@ from femseal.plots.leakage_panels import (
     set_leakage_axis,
 )
 from femseal.plots.map_panels import clip_to_decades
+from femseal.plots.pressure_lines import surface_leakage
+from femseal.results.best_leakage import METHODS
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 
@@ -277,6 +280,14 @@ CELLS = (
     "1",
     "figure",
 )
+
+
+def test_the_leakage_of_the_surface_is_that_of_any_registered_study(monkeypatch):
+    """The method that solves the surface comes before the median of the realisations."""
+    monkeypatch.setitem(METHODS, "dry", "leakage_dry")
+    data = xarray.Dataset({"leakage_median": ("step", [1.0]), "leakage_dry": ("step", [2.0])})
+    assert surface_leakage(data).tolist() == [2]
+    assert surface_leakage(data.drop_vars("leakage_dry")).tolist() == [1]
 
 
 def test_a_notebook_shows_a_figure_once(tmp_path):

@@ -100,6 +100,14 @@ def test_loads_are_those_of_leakage_and_upper_end(study):
     assert generated.verdicts[0].narrowed_by == "a larger generated surface"
 
 
+def test_an_unknown_leakage_at_the_first_load_is_no_start_of_a_change(study):
+    unknown = [np.nan, *LEAKAGE[1:]]
+    text = " ".join(results_of(study, leakage=unknown).verdict_lines)
+    assert "On loading at 50 MPa, the leakage is unknown" in text
+    assert "changes from" not in text
+    assert "On loading it changes from" in " ".join(results_of(study).verdict_lines)
+
+
 @pytest.mark.parametrize("given", ["hardness", "yield_stress"])
 def test_the_measure_against_the_error_of_the_plastic_law_is_a_key_that_the_case_accepts(
     study, given
