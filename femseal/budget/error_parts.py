@@ -570,7 +570,8 @@ def part_of_changes(
 ) -> ErrorPart:
     """Make an error source from the distances between ln(leakage) and both ends of its interval.
 
-    In contrast to `ErrorPart.from_distances`, the upper ends of sealed steps are estimated, see `sealed_upper`.
+    At sealed steps, the computed leakage is zero and has no logarithm. The upper end of their interval is estimated by
+    `sealed_upper`, which `ErrorPart.from_distances` does not do.
 
     Parameters
     ----------

@@ -293,10 +293,10 @@ def _continuation(
 
 
 def _slope_ratio_beyond(surface: Surface, continuation: Continuation, scene: Scene) -> float:
-    """Divide the rms slope of a surface by the rms slope that it would have with the waves beyond the cut-off.
+    """Compute the ratio of the rms slope of a surface to its rms slope with the missing short waves.
 
-    The waves are considered down to the shortest wave that is relevant for the contact, but over one octave at least
-    and one decade at most.
+    The missing waves are those below the cut-off wavelength of the surface. They are considered down to the shortest
+    wave that is relevant for the contact, but over one octave at least and one decade at most.
     """
     cut_off = continuation.cut_off
     last_wave = continuation.shortest_relevant_wave(scene.law.mean_hardness, scene.surface_modulus)

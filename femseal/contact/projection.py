@@ -235,7 +235,9 @@ def law_at(i, hardness, slope, c):
 
 @exact
 def projected(z, h, t):
-    """Project a trial pressure z on the law; return the projected pressure and the state of the point.
+    """Project a trial pressure z onto the pressures that the law allows.
+
+    Return the projected pressure and the state of the point.
 
     The projection is 0 for z < 0, z for z between 0 and H, and H + t (z − H) above.
     """

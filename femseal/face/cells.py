@@ -327,7 +327,8 @@ class CellState:
         flow : FlowSettings
             Fluid and solver.
         plastic : array of bool, (n1, n2), optional
-            Whether each point is at the hardness. By default the plastic fraction of the cells is NaN.
+            Whether the pressure of each point has reached the hardness. By default the plastic fraction of the cells
+            is NaN.
         fractions : array, (n1, n2), optional
             Fraction of the dissipation at each point. By default the fraction of each cell is NaN.
         boundary : tuple of two str

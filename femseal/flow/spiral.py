@@ -108,8 +108,8 @@ def spiral_flow(
     gap : array (n1, n2), gap of a face that is periodic along x2 [m].
     spacing : lengths of a pixel [m].
     spiral : lead of the grooves and circumference of the seal.
-    potential_without_lead : array (n1, n2), potential at the pixels of the flow without the lead, for 1 at the inlet
-        and 0 at the outlet; NaN in contact and in pockets.
+    potential_without_lead : array (n1, n2), potential at the pixels if the grooves had no lead, that is, if they were
+        closed rings. It is 1 at the inlet, 0 at the outlet, and NaN in contact and in pockets.
 
     Returns
     -------

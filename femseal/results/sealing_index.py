@@ -403,7 +403,11 @@ class _Seal:
     def __init__(self, results: Results) -> None:
         fluid = class_fluid(results)
         if fluid is None:
-            raise InputError("results", "an unknown fluid", "the fluid that decides on the classes")
+            raise InputError(
+                "results",
+                "an unknown fluid",
+                "results with the fluid for which the leakage classes are stated",
+            )
         self.drive = abs(fluid.drop)
         self.curve = LeakageCurve.of_results(results)
         self.pressures = self.curve.steps.pressures

@@ -35,7 +35,7 @@ _MOST_POINTS = 4096
 
 
 class SealForm(Protocol):
-    """Define the interface of a form of the whole seal."""
+    """State the methods and attributes that a class must have to describe the form of a whole seal."""
 
     @property
     def shortest_wave(self) -> float:

@@ -191,7 +191,7 @@ class FaceCells:
     failures : tuple of str
         One line for each flow that failed.
     unsolved : tuple of (int, str)
-        Index of each step without leakage, and the reason.
+        Index of each step whose leakage could not be computed, and the reason.
     """
 
     steps: LoadProgramme
@@ -429,8 +429,8 @@ def choose_tabulated_pressures(
     """Choose the tabulated pressures at which the cells are solved and between which they are interpolated.
 
     On loading, the pressures range from the lowest to the highest pressure of the paths, and their cube roots are
-    evenly spaced. The pressure from which a path is unloaded is its peak. A few of all peaks are chosen. They are added
-    to the pressures on loading, and the cells are unloaded from each of them.
+    evenly spaced. The pressure from which a path is unloaded is its peak. Only a few of the peaks are used. They are
+    added to the pressures on loading, and the cells are unloaded from each of them.
 
     Parameters
     ----------
