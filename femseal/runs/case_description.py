@@ -219,6 +219,7 @@ def _filter_text(prepared: Prepared) -> str:
     n_pixels = shortest / max(surface.spacing)
     waves = f"waves below {to_text(shortest, 'm', 3)} ({n_pixels:.3g} pixels) removed"
     removed = 1 - surface.rms_slope / slope_before if slope_before else 0.0
+    removed = max(0.0, removed)  # rounding can make it slightly negative
     return f"{waves}, with {removed:.0%} of the rms slope"
 
 

@@ -19,6 +19,7 @@ from typer.main import get_command
 
 import femseal as fs
 from femseal.cli import app
+from femseal.execution.run import COMPILING
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -192,7 +193,8 @@ def test_a_documented_command_does_its_work(form, femseal, place, finished):
                 shutil.copytree(finished, word)
         code, said, complaint = femseal(*arguments)
     assert code == 0, said + complaint
-    assert [line for line in complaint.splitlines() if " INFO " not in line] == []
+    expected = (" INFO ", COMPILING)  # log lines, and the first compilation after an installation
+    assert [line for line in complaint.splitlines() if not any(e in line for e in expected)] == []
     for output in outputs:
         assert (files := written(Path(output)))
         assert all(files)

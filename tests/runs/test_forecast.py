@@ -210,3 +210,14 @@ def test_a_gas_with_slip_takes_longer():
     for cost in (deterministic_cost, two_scale_cost, stochastic_cost):
         still, slips, wide = (cost(scene, options)[0] for scene in scenes)
         assert still < slips <= wide < 6 * still
+
+
+def test_a_filter_that_removes_nothing_removes_zero_percent(data):
+    """Rounding can make the slope after conditioning larger than before in the last digits."""
+    case, prepared = of(data)
+    conditioning = prepared.conditioning
+    slope = prepared.scene.surface.rms_slope * (1 - 1e-12)
+    prepared = replace(prepared, conditioning=replace(conditioning, rms_slope_before=slope))
+    text = "\n".join(describe(case, prepared))
+    assert "with 0% of the rms slope" in text
+    assert "-0%" not in text
