@@ -265,8 +265,9 @@ class RunComparison(Plotted):
             return [("highest load of each", [results.peak for results in self.runs])]
         loading = [step for step in common if step.unloaded_from is None]
         chosen = {common[-1]}
-        if loading:
-            chosen |= {loading[0], loading[len(loading) // 2], loading[-1], self._ranked_step}
+        ranked = self._ranked_step
+        if ranked is not None:
+            chosen |= {loading[0], loading[len(loading) // 2], loading[-1], ranked}
         load_text = common_load_text(self.runs)
         columns = []
         for step in sorted(chosen, key=common.index):
