@@ -60,7 +60,11 @@ def new(
         str | None, _drawing_option("Outer diameter of the contact area.", "54 mm")
     ] = None,
     metal: Annotated[
-        str | None, _drawing_option("Metal of the softer face, by name.", "copper, soft")
+        str | None,
+        _drawing_option(
+            "Metal of the softer face, such as 'silver, annealed'; an unknown name lists all.",
+            "copper, soft",
+        ),
     ] = None,
     hardness: Annotated[
         str | None,
@@ -68,7 +72,9 @@ def new(
     ] = None,
     force: Annotated[
         str | None,
-        _drawing_option("Highest force of the assembly, such as 80kN.", "0.3 of the hardness"),
+        _drawing_option(
+            "Highest force between the faces in assembly, such as 80kN.", "0.3 of the hardness"
+        ),
     ] = None,
     fluid: Annotated[str | None, _drawing_option("Fluid, by name.", "helium")] = None,
     inlet: Annotated[
