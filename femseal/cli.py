@@ -245,15 +245,22 @@ def view(
     seal: Annotated[
         bool, flag("--seal", "Show the realisation of the seal, not the pixels of the surface.")
     ] = False,
+    surface: Annotated[
+        bool, flag("--surface", "Show the heights of the surface in three dimensions.")
+    ] = False,
     picture: Annotated[
         Path | None, option("Picture to write (.png).", "a window opens", "-o", "--output")
     ] = None,
 ) -> None:
     """Open the fields of a run in a window, with inlet, outlet and a scale bar."""
+    from .plots.surface_view import view_surface
     from .plots.view import view_run
     from .results import open_results
 
-    view_run(open_results(folder), step=step, field=field, seal=seal, picture=picture)
+    if surface:
+        view_surface(open_results(folder), picture=picture)
+    else:
+        view_run(open_results(folder), step=step, field=field, seal=seal, picture=picture)
     if picture is not None:
         typer.echo(picture)
 

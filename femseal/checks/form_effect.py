@@ -138,7 +138,7 @@ class FormEffect:
         text = (
             f"The measured patch leaks {with_curvature} times as much with its curvature as without, at {self.loads} "
             f"({to_text(self.height, 'm', 3)} high, radii of {radii} along x1 and x2), and {with_long_waves} times as "
-            f"much with its waves longer than {to_text(self.longest, 'm', 3)} as without"
+            f"much with its waves longer than {to_text(self.longest, 'm', 3)} as without (first number: lowest load)"
         )
         return f"{text}. {self.advice}" if self.advice else text
 

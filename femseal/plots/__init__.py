@@ -21,3 +21,4 @@ from .pressure_lines import pressure_figure
 from .realisations import realisation_figure
 from .several_runs import comparison_figure
 from .style import png, rendered, rendered_formats
+from .surface_view import view_surface

@@ -96,6 +96,23 @@ def view_run(
     number = default_step(data) if step is None else step
     if not 0 <= number < data.sizes["step"]:
         raise InputError("step", number, f"a number from 0 to {data.sizes['step'] - 1}")
+    is_off_screen = window_settings(picture)
+    names = [field] if field is not None else list(FIELDS)
+    meshes = seal_meshes(results, number, names) if seal else surface_meshes(results, number, names)
+    ends = ends_of_seal(results) if seal else None
+    plotter = _window(meshes, load_names(data)[number], ends, off_screen=is_off_screen)
+    show_or_write(plotter, picture)
+    return plotter
+
+
+def window_settings(picture: AnyPath | None) -> bool:
+    """Check that a window can be opened, or a picture written; return whether the window is off screen.
+
+    Raises
+    ------
+    InputError
+        The picture is not a .png file, or there is neither a picture nor a display.
+    """
     if picture is not None and Path(picture).suffix.lower() != ".png":
         raise InputError("output", f"'{picture}'", "a file .png")
     has_display = sys.platform != "linux" or any(
@@ -105,16 +122,16 @@ def view_run(
         raise InputError("display", "none", "a display for the window, or a picture: -o view.png")
     if not has_display:
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
-    names = [field] if field is not None else list(FIELDS)
-    meshes = seal_meshes(results, number, names) if seal else surface_meshes(results, number, names)
-    ends = ends_of_seal(results) if seal else None
-    plotter = _window(meshes, load_names(data)[number], ends, off_screen=picture is not None)
+    return picture is not None
+
+
+def show_or_write(plotter: pyvista.Plotter, picture: AnyPath | None) -> None:
+    """Open the window, or write a picture of it, and close it."""
     if picture is None:
         plotter.show()
     else:
         plotter.screenshot(str(picture))
     plotter.close()
-    return plotter
 
 
 def surface_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]:
@@ -214,8 +231,8 @@ def _window(
         else:
             mesh.clear_data()
             plotter.add_mesh(mesh, color="lightgrey", lighting=False, show_scalar_bar=False)
-        _mark_ends(plotter, ends if ends is not None else _sides(mesh.bounds))
-        _add_scale_bar(plotter, mesh.bounds)
+        mark_ends(plotter, ends if ends is not None else ends_of_bounds(mesh.bounds))
+        add_scale_bar(plotter, mesh.bounds)
         plotter.view_xy()
         plotter.enable_parallel_projection()
         plotter.camera.zoom(0.85)
@@ -225,7 +242,7 @@ def _window(
     return plotter
 
 
-def _sides(bounds: Any) -> Array:
+def ends_of_bounds(bounds: Any) -> Array:
     """Return positions for the labels to the left of a mesh, at the inlet, and to the right of it, (2, 3) [µm]."""
     x_low, x_high, y_low, y_high = bounds[:4]
     middle = (y_low + y_high) / 2
@@ -254,7 +271,7 @@ def ends_of_seal(results: Results) -> Array | None:
     return positions
 
 
-def _mark_ends(plotter: pyvista.Plotter, ends: Array) -> None:
+def mark_ends(plotter: pyvista.Plotter, ends: Array) -> None:
     """Write "inlet" and "outlet" at two positions (2, 3) [µm]."""
     plotter.add_point_labels(
         ends,
@@ -268,7 +285,7 @@ def _mark_ends(plotter: pyvista.Plotter, ends: Array) -> None:
     )
 
 
-def _add_scale_bar(plotter: pyvista.Plotter, bounds: Any) -> None:
+def add_scale_bar(plotter: pyvista.Plotter, bounds: Any) -> None:
     """Draw a scale bar of a round length below the field, with its length as text."""
     import pyvista
 

@@ -36,7 +36,7 @@ class SurfaceReport(Labelled):
 
     Heights are those of the defined points, including spikes, as instruments evaluate them. Slopes, texture, spectrum
     and the parameters after Gaussian filters are those of the map without spikes and with undefined points filled.
-    Angles are counted from x1 towards x2.
+    The direction of the lay is its angle from x2, which is positive in the sense from x1 towards x2.
     """
 
     shape: Shape = labelled("points")

@@ -12,6 +12,7 @@ from small_cases import TABLES
 
 import femseal as fs
 from femseal.base import InputError
+from femseal.plots.surface_view import _heights_and_sides, surface_mesh, view_surface
 from femseal.plots.view import ends_of_seal, seal_meshes, surface_meshes, view_run
 
 CASE = f"""
@@ -68,6 +69,20 @@ def test_fields_of_the_window_are_those_of_the_results(folder):
         results.dataset["drawn_fluid_pressure"].values[0].ravel() / 1e6,
     )
     assert ends_of_seal(results) is None  # a strip
+
+
+def test_the_surface_has_its_heights(folder):
+    results = fs.open_results(folder)
+    heights = results.dataset["face_height"].values
+    mesh, factor = surface_mesh(*_heights_and_sides(results), None)
+    assert_allclose(mesh.bounds[:4], [15 / 32, 30 - 15 / 32, 30 / 64, 60 - 30 / 64], rtol=1e-6)
+    z = mesh.points[:, 2].reshape(heights.shape, order="F")
+    assert_allclose(z, factor * heights * 1e6, rtol=1e-5, atol=1e-6)
+    assert_allclose(mesh.point_data["height [µm]"], z.ravel(order="F") / factor, rtol=1e-5)
+    assert 0.04 < np.ptp(z) / 60 < 0.125
+    face = fs.Topography(np.full((8, 8), np.nan), (1e-6, 1e-6))
+    with pytest.raises(InputError, match="undefined"):
+        view_surface(face, picture="x.png")
 
 
 @pytest.mark.parametrize(
