@@ -40,8 +40,9 @@ def ring_yield_warnings(case: Case, highest_pressure: float) -> Iterator[str]:
         limit_text = f"{to_text(load, case.load.unit, 3)} ({limit_text})"
     table = solids[weaker]
     assert table is not None
+    part = f"[{weaker}]" if table.name is None else f"[{weaker}], {table.name},"
     yield (
-        f"The softer part may yield as a whole: a ring of [{weaker}] between flat faces is squeezed thinner and wider "
+        f"The softer part may yield as a whole: a ring of {part} between flat faces is squeezed thinner and wider "
         f"from about {limit_text} on, {RING_YIELD:.3g} times {_yield_stress_text(table)}, and the case loads it up to "
         f"{to_text(highest_pressure, 'Pa', 3)}. Results above that load hold only for a ring in a groove, a ring that "
         "is already hardened, or a thick flange. Otherwise lower the load, widen the contact, or take a harder metal"

@@ -90,6 +90,7 @@ def test_a_ring_that_yields_as_a_whole_is_warned_of():
     (text,) = warnings(1.01 * limit, copper)
     assert "from about 55.4 MPa on" in text
     assert "48 MPa as delivered" in text
+    assert "a ring of [material], copper, soft, between" in text
     assert not warnings(60, {"young": "117 GPa", "yield_stress": "55 MPa"})
     assert warnings(60, {"young": "117 GPa", "yield_stress": "50 MPa"})
     # the weaker body counts, below its coating
