@@ -1,28 +1,33 @@
 """Describe the roughness of a seal as a compliant layer, whose thickness is a function of the pressure.
 
 The thickness is the separation of the mean planes of the two rough surfaces. It is taken from the contact of the
-measured surface, which is solved under several uniform pressures on loading, and on unloading from several peaks.
-Between these pressures, it is interpolated linearly.
+measured surface, which is solved under several uniform pressures on loading, and on unloading from several peaks. On
+loading, it is interpolated between these pressures by a monotone cubic in the logarithm of the pressure, because the
+separation of rough surfaces falls about linearly with it (Persson, Phys. Rev. Lett. 99, 2007, 125502). The recovery on
+unloading is interpolated linearly.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 from ..base import Array, Indices, Mapper
 from ..contact import LoadState
 from ..loads import LoadProgramme, LoadStep
 from ..scene import Scene
 
-#: Pressures on loading at which the layer is solved, as fractions of the highest pressure.
-_PRESSURES = np.geomspace(1e-3, 1.0, 13)
-#: Indices of the peaks in `_PRESSURES`, from which the layer is unloaded.
-_PEAKS = np.array([4, 8, 12])
+#: Pressures on loading at which the layer is solved, as fractions of the pressure at which points yield for the first
+#: time. If the law carries more than this, as coatings do, pressures at the same ratio to each other follow.
+_PRESSURES = np.geomspace(1e-3, 1.0, 17)
+#: Indices of the peaks in `_PRESSURES`, from which the layer is unloaded, besides the highest pressure.
+_PEAKS = (5, 11, 16)
 #: Fractions of the peak at which unloading is tabulated. The first and the last state are not solved: at the peak, the
 #: recovery is 0, and without pressure, the recovery is extrapolated.
 _RELEASED = np.array([1.0, 0.7, 0.4, 0.15, 0.03, 0.0])
@@ -88,7 +93,7 @@ class RoughLayer:
         gap_on_loading, gap_on_unloading = np.split(np.array(gaps), [loading.size])
         # the steps on unloading follow peak by peak, each at the same fractions of its peak
         gap_on_unloading = gap_on_unloading.reshape(peaks.size, _RELEASED.size - 2)
-        gap_at_peak = gap_on_loading[_PEAKS[: peaks.size], None]
+        gap_at_peak = gap_on_loading[np.searchsorted(loading, peaks), None]
         recovery = np.zeros((peaks.size, _RELEASED.size))  # (peak, fraction)
         recovery[:, 1:-1] = gap_on_unloading - gap_at_peak
         # As the pressure falls, the recovery grows in proportion to −ln(pressure), which has no limit at 0. The value
@@ -102,12 +107,38 @@ class RoughLayer:
 
     def on_loading(self, p: Array) -> tuple[Array, Array]:
         """Evaluate s [m] and ds/dp [m/Pa] on loading, at the pressure of each point (points,) [Pa]."""
-        interval = np.searchsorted(self.pressure, p, side="right") - 1
-        interval = np.clip(interval, 0, self.pressure.size - 2)
-        slopes = np.diff(self.separation) / np.diff(self.pressure)  # (surface, interval)
-        slope = slopes[self.surface_number, interval]
-        start = self.separation[self.surface_number, interval]
-        return start + slope * (p - self.pressure[interval]), slope
+        surface = self.surface_number
+        first, last = self.pressure[[1, -1]]
+        # between the first two pressures, of which the lower one is 0, and beyond the last one: a straight line
+        inside = np.clip(p, first, last)
+        x = np.log(inside)
+        nodes = np.log(self.pressure[1:])
+        interval = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
+        width = np.diff(nodes)[interval]
+        t = (x - nodes[interval]) / width
+        start = self.separation[surface, interval + 1]
+        rise = self.separation[surface, interval + 2] - start
+        start_slope = width * self._node_slopes[surface, interval]
+        end_slope = width * self._node_slopes[surface, interval + 1]
+        # cubic with the given values and slopes at both ends, and its derivative with respect to t
+        quadratic = 3 * rise - 2 * start_slope - end_slope
+        cubic = start_slope + end_slope - 2 * rise
+        separation = start + t * (start_slope + t * (quadratic + t * cubic))
+        derivative = start_slope + t * (2 * quadratic + t * 3 * cubic)
+        slope = derivative / (width * inside)
+        line_slope = (self.separation[surface, 1] - self.separation[surface, 0]) / first
+        slope = np.where(p < first, line_slope, slope)
+        return separation + slope * (p - inside), slope
+
+    @cached_property
+    def _node_slopes(self) -> Array:
+        """Derivative of s [m] with respect to the logarithm of the pressure, at all pressures but 0 (surfaces, n − 1).
+
+        They are those of a monotone cubic (PCHIP; Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300).
+        """
+        nodes = np.log(self.pressure[1:])
+        curve = PchipInterpolator(nodes, self.separation[:, 1:], axis=1)
+        return np.asarray(curve.derivative()(nodes))
 
     def on_unloading(self, p: Array, peak: Array) -> tuple[Array, Array]:
         """Evaluate s [m] and ds/dp [m/Pa] on unloading, at the pressure and the peak of each point (points,) [Pa].
@@ -156,8 +187,8 @@ def solve_layer_states(
     """Solve the contact of the rough surface without fluid, under increasing uniform pressures.
 
     The pressures end at `HIGHEST_PRESSURE` times the pressure that the surface can carry, and begin at a thousandth of
-    that. Unloading from several of these pressures is also solved, if the surface yields and the load programme of the
-    scene contains unloading.
+    that, or of the pressure at which points yield for the first time if this is lower. Unloading from several of these
+    pressures is also solved, if the surface yields and the load programme of the scene contains unloading.
 
     Parameters
     ----------
@@ -180,11 +211,31 @@ def solve_layer_states(
     law = scene.law
     # an elastic surface can carry any pressure; the layer then ends at about a tenth of the contact modulus
     capacity = min(law.capacity, 0.1 * scene.surface_modulus)
-    loading = HIGHEST_PRESSURE * capacity * _PRESSURES
+    loading = HIGHEST_PRESSURE * _layer_pressures(min(law.mean_hardness, capacity), capacity)
     has_unloading = any(step.unloaded_from is not None for step in scene.steps)
-    peaks = loading[_PEAKS].tolist() if has_unloading and not law.is_elastic else []
+    peaks: list[float] = []
+    if has_unloading and not law.is_elastic:
+        peak_indices = sorted({*_PEAKS, loading.size - 1})
+        peaks = loading[peak_indices].tolist()
     solved_fractions = _RELEASED[1:-1].tolist()
     unloading = [LoadStep(peak * fraction, peak) for peak in peaks for fraction in solved_fractions]
     programme = LoadProgramme([*map(LoadStep, loading.tolist()), *unloading])
     dry = scene.dry(boundary=boundary)
     return programme, list(dry.contact_states(take, steps=programme, mapper=mapper))
+
+
+def _layer_pressures(first_yield: float, capacity: float) -> Array:
+    """Choose the pressures [Pa] of the layer, up to the pressure that the surface can carry.
+
+    Parameters
+    ----------
+    first_yield : float
+        Pressure [Pa] at which points yield for the first time, at most `capacity`.
+    capacity : float
+        Pressure that the surface can carry [Pa].
+    """
+    pressures = first_yield * _PRESSURES
+    ratio = _PRESSURES[1] / _PRESSURES[0]
+    n_more = int(np.ceil(np.log(capacity / first_yield) / np.log(ratio) - 1e-9))
+    more = np.geomspace(first_yield, capacity, n_more + 1)[1:] if n_more > 0 else []
+    return np.array([*pressures, *more])

@@ -61,6 +61,14 @@ def test_a_soft_coating_lets_less_through_and_a_thick_one_what_its_metal_does(na
     np.testing.assert_allclose(thick, soft, rtol=0.02)
 
 
+def test_a_thick_coating_is_its_metal_with_a_form_up_to_closing():
+    """Both have a table of the rough layer, whose pressures must not depend on a substrate that never yields."""
+    surface, pressures = rough((48, 64)), (2e7, 1.5e8, 2.5e8)
+    _, thick, _ = scenes(surface, 1e-2, pressures)
+    _, _, soft = scenes(surface, 1e-2, pressures)
+    np.testing.assert_allclose(with_a_form(thick), with_a_form(soft), rtol=2e-3)
+
+
 @pytest.mark.parametrize("boundary", ["periodic", ("free", "periodic"), ("free", "mirror")])
 def test_a_profile_of_one_point_in_breadth_takes_a_coating(boundary):
     """Waves along x1 alone: a mean gap between those of both metals, and the gap of the same waves on a broad grid."""

@@ -161,6 +161,22 @@ def test_the_layer_unloads_as_the_face_does(fraction):
     assert peak < back < layer.on_loading(np.array([fraction * 2e8]))[0][0]
 
 
+@pytest.mark.parametrize("hardness", [np.inf, 1.5e9])
+def test_the_layer_is_accurate_between_its_pressures(hardness):
+    """Mean gaps in the middle between two pressures of the table, which are solved directly."""
+    layer = RoughLayer.of(scene((5e7, 2e8), hardness=hardness), map)
+    middle = np.sqrt(layer.pressure[1:-1] * layer.pressure[2:])[-4:]
+    one = scene(middle.tolist(), hardness=hardness)
+    even = replace(one, boundary=("periodic", "periodic"))
+    gaps = list(even.contact_states(attrgetter("contact.mean_gap"), mapper=map))
+    separation, slope = layer.on_loading(middle)
+    touch = layer.separation[0, 0]
+    assert_allclose(separation, gaps, rtol=0, atol=5e-3 * touch)
+    # the derivative is that of the interpolation, by central differences
+    high, low = (layer.on_loading(middle * (1 + e))[0] for e in (1e-5, -1e-5))
+    assert_allclose(slope, (high - low) / (2e-5 * middle), rtol=1e-5)
+
+
 def test_a_crown_that_has_yielded_all_over_its_band_is_flatter():
     """Bodies sink for good: back at a tenth of the load its highest pressure is less than on the way up."""
     way = {"unload_from": (2e7,), "unloading": (2e6,)}
