@@ -99,9 +99,9 @@ def surface_mesh(heights: Array, sides: Pair, exaggeration: float | None) -> tup
     """
     import pyvista
 
-    if max(heights.shape) > _MOST_POINTS:
-        heights = block_means(heights, _MOST_POINTS)
-    heights = 1e6 * np.asarray(heights, float)
+    is_fine = max(heights.shape) > _MOST_POINTS
+    shown = block_means(heights, _MOST_POINTS) if is_fine else heights
+    heights = 1e6 * np.asarray(shown, float)
     if not np.isfinite(heights).all():
         raise InputError("surface", "undefined points", "a surface without them, see fs.condition")
     spacing = [1e6 * side / n for side, n in zip(sides, heights.shape, strict=True)]

@@ -200,7 +200,7 @@ def test_a_documented_command_does_its_work(form, femseal, place, finished):
         assert all(files)
     if into:
         assert json.loads(said)["properties"].keys() >= {"face", "load"}
-    if command == "run":
+    if command == "run" and "--help" not in arguments:
         (found,) = Path().rglob("results.nc")
         names = (found.parent / "files.txt").read_text("utf-8").split()
         assert {"results.nc", "report.html", "leakage.png"} <= {*names}
