@@ -237,5 +237,5 @@ def _layer_pressures(first_yield: float, capacity: float) -> Array:
     pressures = first_yield * _PRESSURES
     ratio = _PRESSURES[1] / _PRESSURES[0]
     n_more = int(np.ceil(np.log(capacity / first_yield) / np.log(ratio) - 1e-9))
-    more = np.geomspace(first_yield, capacity, n_more + 1)[1:] if n_more > 0 else []
+    more = np.geomspace(first_yield, capacity, n_more + 1)[1:] if n_more > 0 else np.empty(0)
     return np.array([*pressures, *more])
