@@ -14,10 +14,10 @@ from .base import InputError, shown, validate
 
 #: Ratio of hardness to yield stress, for a fully plastic indentation (Johnson, Contact Mechanics, 1985, ch. 6).
 HARDNESS_FACTOR = 2.8
-#: Ratio of peak pressure to hardness at which the solid below a line contact begins to yield. By the criterion of von
-#: Mises for ν = 0.3, the peak pressure is then 1.79 σ_y, and yielding begins at a depth of 0.7 times the half-width of
-#: the contact (Johnson 1985, section 6.1).
-LINE_CONTACT_YIELD = 1.79 / HARDNESS_FACTOR
+#: Ratio of peak pressure to yield stress at which the solid below a line contact begins to yield, by the criterion of
+#: von Mises for ν = 0.3. Yielding begins at a depth of 0.7 times the half-width of the contact (Johnson 1985, section
+#: 6.1).
+LINE_CONTACT_YIELD = 1.79
 #: Ratio of mean pressure to yield stress at which a ring between two smooth flat faces yields as a whole. It is the
 #: plane-strain yield pressure of the criterion of von Mises, 2/√3; friction at the faces only raises it.
 RING_YIELD = 2 / sqrt(3)

@@ -397,6 +397,12 @@ class Case(Table):
         return softer_of(self.material.law, None if counter is None else counter.law)
 
     @property
+    def body_yield_stress(self) -> float:
+        """Yield stress [Pa] of the weaker solid below its surface, inf if no solid yields; see `SolidTable`."""
+        solids = (self.material, self.counter_material)
+        return min(solid.body_yield_stress for solid in solids if solid is not None)
+
+    @property
     def softer(self) -> str:
         """Key of the table of the softer solid, "material" or "counter_material"."""
         counter = self.counter_material

@@ -7,7 +7,7 @@ from math import isfinite
 
 from ..base import Array, counted, to_text
 from ..fluids import leak_basis
-from ..materials import LINE_CONTACT_YIELD, YOUNG_LIMITS
+from ..materials import HARDNESS_FACTOR, LINE_CONTACT_YIELD, YOUNG_LIMITS
 from ..scene import Scene
 from .coatings import coating_depth_warnings, roughness_of_coating_warnings
 from .flow_limits import flow_warnings, gas_warnings
@@ -74,13 +74,16 @@ def line_contact_warnings(scene: Scene, row_pressure: Array) -> tuple[str, ...]:
         Mean contact pressure of each row of pixels [Pa].
     """
     highest = float(row_pressure.max())
-    limit = LINE_CONTACT_YIELD * scene.law.mean_hardness
+    yield_stress = scene.body_yield_stress
+    if yield_stress is None:
+        yield_stress = scene.law.mean_hardness / HARDNESS_FACTOR
+    limit = LINE_CONTACT_YIELD * yield_stress
     if highest <= limit:
         return ()
     return (
         "The band in contact is broader, and its pressure lower, than computed: the form presses with up to "
         f"{to_text(highest, 'Pa', 3)}, and the body below a line contact yields from {to_text(limit, 'Pa', 3)} on "
-        "(1.79 times its yield stress), which the model does not follow",
+        f"({LINE_CONTACT_YIELD:g} times its yield stress), which the model does not follow",
     )
 
 

@@ -451,6 +451,7 @@ def _make_scene(
         nominal=case.load.nominal,
         layout=layout,
         solver=case.flow.solver,
+        body_yield_stress=case.body_yield_stress,
     )
 
 

@@ -78,6 +78,9 @@ class Scene:
         fluid pressure acts on the surfaces.
     surroundings : float or None
         Pressure around the seal [Pa], by default 1 atm for a gas and 0 for a liquid.
+    body_yield_stress : float or None
+        Yield stress of the weaker body below its surface and below any coating [Pa]. It is only used for warnings; by
+        default, it is assumed to be the hardness divided by 2.8.
 
     Examples
     --------
@@ -104,6 +107,7 @@ class Scene:
     fluid_pressure: str = "acts"
     nominal: str = "total"
     surroundings: float | None = None
+    body_yield_stress: float | None = None
 
     def __post_init__(self) -> None:
         """Check that the parameters are valid and consistent."""
