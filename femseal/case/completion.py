@@ -395,7 +395,9 @@ def _complete_solid(solid: RawTable, table_key: str, folder: Path, warnings: lis
     properties = {name: Amount(value, _SOLID_UNITS[name]) for name, value in values.items()}
     warnings += _odd_properties(table, properties, table_key)
     # only one property states the strength: the yield stress if the hardness shall follow from it, else the hardness
-    follows_from_yield = "yield_stress" in table or "hardness_over_yield" in table
+    has_hardness = "hardness" in table or "hardness_table" in table
+    has_ratio_only = "hardness_over_yield" in table and not has_hardness
+    follows_from_yield = "yield_stress" in table or has_ratio_only
     del properties["hardness" if follows_from_yield else "yield_stress"]
     if "hardness_table" in table:
         properties.pop("hardness", None)

@@ -20,10 +20,14 @@ from ..base import Array
 _FIRST_DEPTHS = np.geomspace(1e-10, 1e-1, 28)
 #: Largest relative error of a piece.
 _TOLERANCE = 1e-11
+#: Fraction of the hardness at u = 0 below which errors are relative to this fraction.
+_LOWEST = 1e-3
 #: Largest relative variation that is a rounding error, so that a piece is constant.
 _ROUNDING = 1e-13
 #: Pieces are not divided further below this width [m], or more often than this number.
 _NARROWEST, _MOST_DIVISIONS = 1e-16, 60
+#: Largest number of pieces. A curve of the built-in laws has at most about a thousand.
+_MOST_PIECES = 20_000
 #: Positions in a piece whose values define its cubic, and positions at which the cubic is compared with the curve.
 _FITTED = np.array([0.0, 1 / 3, 2 / 3, 1.0])
 _COMPARED = np.array([0.1, 0.5, 0.9])
@@ -48,8 +52,8 @@ class CurvePieces:
     coefficients: Array
 
     @classmethod
-    def of(cls, yield_pressure: Callable[[Array], Array], bends: Array) -> CurvePieces:
-        """Divide a curve into pieces.
+    def of(cls, yield_pressure: Callable[[Array], Array], bends: Array) -> CurvePieces | None:
+        """Divide a curve into pieces; return None if it needs too many of them, for example because of noise.
 
         Parameters
         ----------
@@ -61,6 +65,7 @@ class CurvePieces:
         bends = bends[np.isfinite(bends) & (bends > 0)]
         edges = np.unique(np.r_[0.0, bends, _FIRST_DEPTHS])
         start, end = edges[:-1], edges[1:]
+        initial_hardness = float(yield_pressure(np.zeros(1))[0])
         depths = []
         coefficients = []
         for division in range(_MOST_DIVISIONS):
@@ -68,8 +73,10 @@ class CurvePieces:
             fitted = _values(yield_pressure, start, width, _FITTED)
             cubic = fitted @ _TO_COEFFICIENTS
             values = _values(yield_pressure, start, width, _COMPARED)
-            error = np.max(np.abs(cubic @ _TO_VALUES / values - 1), axis=1)
-            is_accurate = error <= _TOLERANCE
+            error = np.abs(cubic @ _TO_VALUES - values)
+            # where the hardness has fallen to nearly nothing, it need not be accurate to a fraction of itself
+            allowed = _TOLERANCE * np.maximum(np.abs(values), _LOWEST * initial_hardness)
+            is_accurate = np.all(error <= allowed, axis=1)
             # around a kink at an unknown depth, a straight line does not overshoot
             is_narrow = ~is_accurate & ((width <= _NARROWEST) | (division == _MOST_DIVISIONS - 1))
             cubic[is_narrow, 1] = (fitted[:, -1] - fitted[:, 0])[is_narrow]
@@ -81,6 +88,8 @@ class CurvePieces:
             start, end = start[~is_accurate], end[~is_accurate]
             if start.size == 0:
                 break
+            if sum(map(len, depths)) + 2 * start.size > _MOST_PIECES:
+                return None
             middle = 0.5 * (start + end)
             start, end = np.r_[start, middle], np.r_[middle, end]
         depth = np.concatenate(depths)

@@ -76,12 +76,18 @@ class _Curve(NamedTuple):
 
     @classmethod
     def of(cls, law: ContactLaw) -> _Curve | None:
-        """Return the curve of a law; None if the points have curves that are not related by a shift."""
+        """Return the curve of a law.
+
+        Return None if the points have curves that are not related by a shift, or if the curve needs too many pieces.
+        """
         shifted = law.shifted()
         if not shifted.law.is_uniform:
             return None
+        pieces = shifted.law.pieces
+        if pieces is None:
+            return None
         return cls(
-            shifted.law.pieces.times(shifted.factor),
+            pieces.times(shifted.factor),
             shifted.law.constant_depth,
             np.atleast_2d(shifted.earlier_deformation),
             np.atleast_2d(shifted.fluid_pressure),

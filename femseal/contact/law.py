@@ -94,8 +94,11 @@ class ContactLaw:
         return np.array([self.constant_depth])
 
     @cached_property
-    def pieces(self) -> CurvePieces:
-        """Curve of a law that is the same for all points, in cubic pieces for compiled loops."""
+    def pieces(self) -> CurvePieces | None:
+        """Curve of a law that is the same for all points, in cubic pieces for compiled loops.
+
+        It is None if the curve needs too many pieces.
+        """
         return CurvePieces.of(self.yield_pressure, self.bends)
 
     def shifted(self) -> ShiftedLaw:

@@ -55,11 +55,13 @@ def index_rows(indices: Sequence[SealingIndex]) -> list[dict[str, Any]]:
         }
         rows.append(common | exponent)
         for limit in index.limits:
+            # None if the index is too large for a number
+            computed = limit.value if isfinite(limit.value) else None
             needed = {
                 "figure": "sealing index [Pa^n m]",
                 "class": limit.name,
-                "value": limit.upper if isfinite(limit.upper) else limit.value,
-                "computed": limit.value,
+                "value": limit.upper if isfinite(limit.upper) else computed,
+                "computed": computed,
                 **_ends(limit.lower, limit.upper),
                 "how": f"n = {limit.exponent:.6g}",
             }

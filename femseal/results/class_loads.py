@@ -40,12 +40,12 @@ def class_columns(runs: Sequence[Results]) -> list[tuple[str, list[str]]]:
         Heading of each column, and a text for each run. The column of the interval is left out if a run has none.
     """
     verdicts = [{verdict.name: verdict for verdict in verdicts_of(results)} for results in runs]
+    load_texts = [short_loads(results) for results in runs]
     columns = []
     for name in verdicts[0]:
         if not all(name in of_run for of_run in verdicts):
             continue
         needed = [of_run[name].assembly for of_run in verdicts]
-        load_texts = [short_loads(results) for results in runs]
         pairs = list(zip(needed, load_texts, strict=True))
         computed = [load.words(load.computed, load_text) for load, load_text in pairs]
         columns.append((f"{name}, as computed", computed))

@@ -83,7 +83,12 @@ class PowerLaw:
         leakage : float
             Leakage q per length of the seal [m²/s].
         """
-        return self.pressure**self.exponent * self.permeability * drive / leakage
+        # p₀ⁿ can be too large for a number where the exponent is large; the index is then infinite
+        logarithm = self.exponent * np.log(self.pressure) + np.log(
+            self.permeability * drive / leakage
+        )
+        with np.errstate(over="ignore"):
+            return float(np.exp(logarithm))
 
 
 @dataclass(frozen=True)
@@ -273,8 +278,8 @@ def integrate_power(positions: ArrayLike, pressures: ArrayLike, exponent: float)
 
     Examples
     --------
-    >>> integrate_power([0.0, 2e-3], [3.0, 3.0], 2.0)  # 9 Pa² over 2 mm
-    0.018
+    >>> integrate_power([0.0, 0.5], [2.0, 4.0], 1.0)  # a mean of 3 Pa over 0.5 m
+    1.5
     """
     n = validate.number("exponent", exponent)
     l, p = reals(positions), reals(pressures)
@@ -287,9 +292,15 @@ def integrate_power(positions: ArrayLike, pressures: ArrayLike, exponent: float)
     # for nearly equal pressures, the power of their mean is more accurate than the difference of their powers
     is_level = rise <= 1e-6 * larger
     safe_rise = np.where(is_level, 1.0, rise)
+    highest = float(p.max())
+    if highest == 0:
+        return 0.0
+    # in units of the highest pressure, whose power alone can be too large for a number
+    larger, smaller, safe_rise = larger / highest, smaller / highest, safe_rise / highest
     exact = (larger ** (n + 1) - smaller ** (n + 1)) / ((n + 1) * safe_rise)
     mean = np.where(is_level, ((larger + smaller) / 2) ** n, exact)
-    return float(np.sum(mean * np.diff(l)))
+    with np.errstate(over="ignore"):
+        return float(np.sum(mean * np.diff(l)) * np.power(highest, n))
 
 
 def _positive(name: str, values: ArrayLike) -> Array:
@@ -409,6 +420,8 @@ class _Seal:
                 "results with the fluid for which the leakage classes are stated",
             )
         self.drive = abs(fluid.drop)
+        if self.drive == 0:
+            raise InputError("results", "equal pressures at inlet and outlet", "a pressure drop")
         self.curve = LeakageCurve.of_results(results)
         self.pressures = self.curve.steps.pressures
         self.permeability_per_leakage = equivalent_width(results) / self.drive

@@ -385,10 +385,13 @@ def condition(
         shortest_wave = shortest_wavelength
     if isinstance(shape, str) and shape != "auto":
         raise InputError("shape", repr(shape), 'two numbers of points, "auto" or None')
+    is_automatic = isinstance(shape, str)
     final_shape = topography.shape
-    if shape is not None and not isinstance(shape, str):
+    if shape is not None and not is_automatic:
         final_shape = validate.grid("shape", shape)
-    if shortest_wave is not None and shape != "auto":
+    if shortest_wave is not None:
+        validate.number("shortest_wave", shortest_wave, unit="m")
+    if shortest_wave is not None and not is_automatic:
         # check the wave before any work, on the shortest patch and with the points that this patch will have
         patch = topography.shortest_patch
         columns = round(final_shape[1] * patch.shape[1] / topography.shape[1])
@@ -401,7 +404,7 @@ def condition(
     flat: Surface = first_patch
     if isinstance(topography, Patches):
         flat = topography.with_patches([patch for patch, _ in repaired])
-    if shape == "auto":
+    if is_automatic:
         final_shape = default_points(flat, shortest_wave, instrument)
     return smooth(
         flat,

@@ -130,10 +130,16 @@ def test_another_ratio_of_hardness_to_yield_stress():
     assert_allclose(layer.hardness, 2.3 * 54e6)
 
 
-@pytest.mark.parametrize("keys", [{"hardness": "1 GPa"}, {"hardness_table": ROWS}, {}])
-def test_a_ratio_of_hardness_to_yield_stress_needs_a_yield_stress(keys):
+@pytest.mark.parametrize("solid", [YOUNG, {"name": "Inconel 718, aged"}])
+@pytest.mark.parametrize("keys", [{"hardness": "1 GPa"}, {"hardness_table": ROWS}])
+def test_a_ratio_of_hardness_to_yield_stress_contradicts_a_hardness(solid, keys):
     with pytest.raises(fs.InputError, match="hardness_over_yield with a yield_stress"):
-        case(YOUNG | {"hardness_over_yield": 2.3} | keys)
+        case(solid | {"hardness_over_yield": 2.3} | keys)
+
+
+def test_a_ratio_of_hardness_to_yield_stress_needs_a_yield_stress():
+    with pytest.raises(fs.InputError, match="hardness_over_yield with a yield_stress"):
+        case(YOUNG | {"hardness_over_yield": 2.3})
 
 
 def test_a_value_far_from_that_of_the_name_is_warned_of():

@@ -5,7 +5,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 import femseal as fs
-from femseal.contact import HardnessTable, LinearHardening, NixGao, PerfectlyPlastic, curved_law
+from femseal.contact import (
+    ContactLaw,
+    HardnessTable,
+    LinearHardening,
+    NixGao,
+    PerfectlyPlastic,
+    curved_law,
+)
 from femseal.contact.law import SofterOf
 from femseal.topography import self_affine
 
@@ -133,3 +140,35 @@ def test_a_contact_that_no_point_yields_through_is_that_of_the_coating_alone():
     plain = fs.solve_contact(gap, body, pressure=0.05 * H, hardness=0.2 * H)
     assert contact.fft_pairs == plain.fft_pairs
     assert_allclose(contact.pressure, plain.pressure, rtol=0, atol=1e-5 * 0.2 * H)
+
+
+class Vanishing(ContactLaw):
+    """A hardness that decays to nothing with the depth."""
+
+    def yield_pressure(self, u=0.0):
+        return H * np.exp(-np.asarray(u) / 10e-6)
+
+    def hardening_modulus(self, u=0.0):
+        return -self.yield_pressure(u) / 10e-6
+
+
+class Rounded(Vanishing):
+    """A hardness with the noise of single precision, which no cubic describes to eleven digits."""
+
+    def yield_pressure(self, u=0.0):
+        return np.float64(np.float32(super().yield_pressure(u)))
+
+
+def test_a_hardness_that_decays_to_nothing_has_few_pieces():
+    law = Vanishing()
+    u = np.geomspace(1e-9, 1e-4, 100)
+    assert law.pieces.depth.size < 2000
+    assert_allclose(law.pieces.hardness(u), law.yield_pressure(u), rtol=1e-9)
+
+
+def test_a_hardness_with_noise_is_solved_by_its_tangents():
+    law = Rounded()
+    assert law.pieces is None
+    gap, body = surface(48)
+    contact = fs.solve_contact(gap, body, pressure=0.1 * H, hardness=law, rtol=1e-6)
+    assert_follows(contact, law, gap)

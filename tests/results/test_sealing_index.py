@@ -247,3 +247,15 @@ def test_integral_of_a_power_is_exact():
 def test_numbers_are_short():
     texts = [index_text(x) for x in (3412.0, 1.23e7, 0.5, 1.2e-5, np.inf, 0.0)]
     assert texts == ["3400", "1.2e7", "0.5", "1.2e-5", "unknown", "0"]
+
+
+def test_an_index_that_is_too_large_for_a_number_is_infinite():
+    """Near closing, the permeability can fall by decades between two loads, and the exponent exceeds 40."""
+    (law,) = fit_power_laws(
+        np.array([4.5e8, 4.75e8, 5e8]), np.array([1e-21, 1.2e-22, 1e-23]), tolerance=0.5
+    )
+    assert law.exponent > 40
+    assert law.needed_index(1e9, 1e-9) == np.inf
+    assert integrate_power([0.0, 1e-3], [4e8, 5e8], 45.0) == np.inf
+    assert index_text(np.inf) == "unknown"
+    assert integrate_power([0.0, 1e-3], [0.0, 0.0], 2.0) == 0.0

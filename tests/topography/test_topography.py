@@ -489,3 +489,12 @@ def test_a_single_spacing_holds_for_both_axes():
     assert Topography(np.zeros((4, 6)), 1e-6).spacing == (1e-6, 1e-6)
     gap = np.full((4, 6), 1e-6)
     assert cell_permeability(gap, 1e-6).value == cell_permeability(gap, (1e-6, 1e-6)).value
+
+
+def test_an_automatic_grid_checks_the_shortest_wave_like_a_given_one():
+    face = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.1, rng=1)
+    for wave in (-1.0, 0.0, np.nan, "30 um"):
+        for shape in ("auto", (32, 32), None):
+            with pytest.raises(InputError, match="shortest_wave"):
+                condition(face, shortest_wave=wave, shape=shape)
+    assert condition(face, shape=np.array([32, 32]))[0].shape == (32, 32)
