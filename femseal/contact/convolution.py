@@ -491,8 +491,9 @@ def _run_calls(calls: Sequence[Call]) -> None:
 def mixing_weights(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> Array:
     """Compute the weights with which `multiply_mixing` multiplies the waves.
 
-    Without a mirror axis, there is one array of weights, the transposed symbol. With a mirror axis, there are four
-    arrays, which are made from half the sum and half the difference of the symbol at k and at N − k:
+    Without a mirror axis, there is one array of weights, the transpose of the Fourier symbol S of K. With a mirror
+    axis, there are four arrays, which are made from half the sum and half the difference of the symbol at k and at
+    N − k:
 
     ===== ================ =================
     array along first axis along second axis

@@ -63,8 +63,9 @@ class HalfSpace:
     Notes
     -----
     Sources: Johnson, Contact Mechanics, 1985; Stanley & Kato, J. Tribol. 119, 1997, 481 (periodic); Liu, Wang & Liu,
-    Wear 243, 2000, 101 (free). With one free axis, the response to a uniform pressure is the logarithm of plane strain.
-    The constant of this logarithm is arbitrary, and therefore the mean of `displacement` is arbitrary as well.
+    Wear 243, 2000, 101 (free). With one free axis, a pressure that is uniform along the other axis causes a
+    logarithmic displacement, as in plane strain. The constant of the logarithm is arbitrary, and therefore the mean of
+    `displacement` is arbitrary as well.
 
     Free axes are padded to lengths whose transforms are fast. Periodic and mirror axes cannot be padded, so that a
     large prime factor in their number of points slows everything down: 1021² points take 8 times as long as 1024².

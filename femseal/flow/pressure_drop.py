@@ -106,8 +106,8 @@ class PressureDrop:
     def of_fluid(cls, fluid: FlowingFluid, inlet: float, outlet: float) -> PressureDrop:
         """Make the pressure drop of a fluid between an inlet and an outlet pressure [Pa].
 
-        If the flow law does not depend on the pressure, this is a unit drop, because the permeability is then the same
-        at all pressures.
+        If the flow law does not depend on the pressure, the permeability is the same at all pressures. A unit drop is
+        then returned instead of the given one.
         """
         law = law_of(fluid)
         if not law.depends_on_pressure:

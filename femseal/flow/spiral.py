@@ -3,8 +3,8 @@
 After one turn around the seal, over the circumference C, a groove has moved along x1 by the lead and takes the position
 of another groove. A face that covers a full turn therefore satisfies p(x1, x2 + C) = p(x1 + lead, x2).
 
-A face may also cover only a part of a turn, L2 < C. It represents the full turn if the pressure drop along a groove in
-the face is the fraction w = L2/C of the drop along a full turn. The flux through the seam, from the last column of the
+A face may also cover only a part of a turn, L2 < C. Along a groove, the pressure then drops by the fraction w = L2/C of
+its drop along a full turn. The flux through the seam, from the last column of the
 face to the first one, is its conductance times p(x1, L2) − p(x1, 0) + w (P − P₊). P is the mean of p(·, 0) over the
 groove, and P₊ its mean over the groove that lies one lead further along x1. With this condition the system remains
 symmetric. Of the flux that leaves a groove over the seam, the fraction w enters the next groove. If the lands between

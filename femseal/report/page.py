@@ -82,9 +82,7 @@ def write_report(
         folder = Path(results)
         results = open_results(results)
     if path is None and results.folder is None:
-        raise InputError(
-            "path", "nothing, but results without a folder need one", "a file to write"
-        )
+        raise InputError("path", "no path, and the results have no folder", "a file to write")
     target = Path(path or (results.folder or Path()) / REPORT_NAME)
     if target.is_dir() or not os.access(target.parent, os.W_OK):
         raise InputError("path", f"'{target}'", "a file in a folder that can be written")

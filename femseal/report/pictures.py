@@ -112,7 +112,7 @@ def write_pictures(
     target = folder or results.folder
     if target is None:
         raise InputError(
-            "folder", "nothing, but results without a folder need one", "a folder to write to"
+            "folder", "no folder, and the results have none of their own", "a folder to write to"
         )
     check_formats(formats)
     surface = None if results.scene is None else results.scene.surface

@@ -157,7 +157,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
         raise InputError("results", "no study", "at least one")
     if any(study.steps != scene.steps for study in studies):
         given = "a study with a different load programme than the scene"
-        raise InputError("results", given, "studies of the load programme of the scene")
+        raise InputError("results", given, "studies with the loads of the scene")
     # in the order of `STUDIES`, whatever the order of the arguments
     by_key = {
         registered.key: study

@@ -247,7 +247,7 @@ def check_single_patch(name: str, surface: object) -> None:
     """Raise InputError if several patches were given to an operation on a single map."""
     if isinstance(surface, Patches):
         given = f"{len(surface.patches)} patches"
-        raise InputError(name, given, "a single map; call it for each of their `patches`")
+        raise InputError(name, given, "a single map, such as each of the `patches` alone")
 
 
 def split_patches(values: NDArray, widths: Sequence[int]) -> list[NDArray]:

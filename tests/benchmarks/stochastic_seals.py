@@ -50,8 +50,8 @@ SURFACES_TOLD = """The table shows the fraction of the loads at which the interv
 leakage: for the scenes of the calibration, for the same scenes with their kind of surface left
 out of the calibration, and for scenes that the calibration has not seen."""
 HALVES_TOLD = """The next table groups the loads by the number of decades by which the true leakage lies below that
-at the first load. The half-width is given as a factor, and is the median over the intervals whose
-lower end is not 0. "Two patches" are measured on the same surface and used together."""
+at the first load. The column "half-width" contains the median of the factor between the leakage and an end of its
+interval; intervals whose lower end is 0 are left out. "Two patches" are measured on the same surface and used together."""
 #: Names of shapes in the report.
 SHAPES_TOLD = {"in-place": "as wide as the patch", "broad": "twice as wide"}
 #: Kinds of drawn seals that this script calibrates.

@@ -213,7 +213,7 @@ def _judge(iteration, state, history, share, settings):
 
     state : rᵀM⁻¹r, largest correction, difference between inlet and outlet flow, and flow rate.
     history : array (3, limit + 1) with the values of each iteration: rᵀM⁻¹r, the step length, and the ratio β of the
-        conjugate gradients. This function stores rᵀM⁻¹r of this iteration in it.
+        conjugate gradients. This function stores the rᵀM⁻¹r of the current iteration in the first row.
     share : the iteration stops at this fraction of the tolerance, if the error is bounded afterwards.
 
     Returns the error, whether the iteration has converged, and whether it would need more than `limit` iterations.
