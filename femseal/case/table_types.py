@@ -145,7 +145,11 @@ def _create_table(
 ) -> type[Table]:
     """Create the table class for a registered dataclass, with a key for each field of the dataclass.
 
-    kind : value of the key `kind`. cls : the dataclass. base, other_keys : see `table_for_each`.
+    kind : value of the key `kind`, which chooses this table in a case file.
+    cls : the dataclass.
+    base : class from which the table is derived.
+    other_keys : an entry that is a type replaces the type of a field of the dataclass. An entry that is a pair of a
+        type and a declaration adds a key that the dataclass does not have.
     """
     types = get_type_hints(cls) | other_keys
     keys: dict[str, Any] = {"kind": (Literal[kind], ...)}

@@ -146,8 +146,21 @@ def check_solution(level: Level, carried: float, solution: Solution, rtol: float
 
 
 def make_contact(level: Level, grid: Workspace, offset: float, solution: Solution) -> Contact:
-    """Make the result from the solution that is stored in the workspace of a grid."""
+    """Make the result from the solution that is stored in the workspace of a grid.
+
+    Parameters
+    ----------
+    level : Level
+        Contact problem on this grid, with the line H + h u of the contact law at each point.
+    grid : Workspace
+        Arrays of the solver: the pressure, and v, which is the displacement plus the undeformed gap.
+    offset : float
+        Height [m] that was subtracted from the undeformed gap; it is added to the approach again.
+    solution : Solution
+        Approach, residual and numbers of iterations and transforms.
+    """
     v = grid.arrays.v
+    # a workspace that is kept for the next contact continues to use its array of pressures
     pressure = grid.pressure.copy() if grid.is_kept else grid.pressure
     grid.release()
     gap = np.empty(pressure.shape)

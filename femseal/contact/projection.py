@@ -347,7 +347,22 @@ def refine_approach(delta, low, top, total, slopes, c, load):
 def total_pressure(first, end, x, shift, hardness, slope, c_law, listed):
     """Compute Σ y(x + shift) over some points, and its derivative with respect to `shift`.
 
-    If no point hardens, the derivative is the number of points with 0 < y < H.
+    y is the projection of a trial pressure z: y = 0 for z < 0, y = z for z between 0 and the hardness H, and
+    y = H + t (z − H) above, where t depends on the hardening modulus. If no point hardens, the derivative is the number
+    of points with 0 < y < H.
+
+    Parameters
+    ----------
+    first, end : int
+        Range of positions in the lists `x` and `listed`.
+    x : array
+        Trial pressures of the points in the list [Pa].
+    shift : float
+        Pressure that is added to all of them [Pa].
+    hardness, slope, c_law : arrays and float
+        Parameters of the law, see `law_at`.
+    listed : array
+        Number of each point in the list among all points of the grid.
     """
     x, listed = x[first:end], listed[first:end]
     total = 0.0
@@ -365,7 +380,7 @@ def total_pressure(first, end, x, shift, hardness, slope, c_law, listed):
     for j in range(end - first):
         H, t = law_at(listed[j], hardness, slope, c_law)
         z = x[j] + shift
-        above = 0.0 if z < H else t  # derivative of the projection above the hardness
+        above = 0.0 if z < H else t  # derivative dy/dz where the point yields
         derivative = 1.0 if (z > 0.0) & (z < H) else above
         z = z if z > 0.0 else 0.0
         total += z if z < H else H + above * (z - H)

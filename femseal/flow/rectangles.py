@@ -102,6 +102,11 @@ class Rectangles:
     ) -> DarcyFlow:
         """Solve the flow for a unit potential drop.
 
+        Two networks are solved, whose energy Σ c (Δφ)² is equal to their conductance. The conductance of the network of
+        corners is an upper bound of the conductance of the seal, and that of the network of centres a lower bound. Each
+        network is the dual of the other, so that their errors are about equal in the logarithm. Therefore the geometric
+        mean of both is returned.
+
         Parameters
         ----------
         k1, k2 : arrays (n1, n2), permeability along x1 and x2 [m³].

@@ -124,7 +124,13 @@ class CellSupply:
             Nominal pressures.
         weights : array (paths,)
             Weight of each path in the average; the sum of the weights is 1.
+
+        Returns
+        -------
+        array (steps,)
+            Averaged quantity at each load step.
         """
+        # the contact states are then the load steps themselves, and nothing has to be interpolated
         if self.cells.steps == self.scene.steps:
             return values
         contact_pressures = np.maximum(paths - mean_relief(self.scene), 0.0)

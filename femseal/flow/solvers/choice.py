@@ -111,9 +111,13 @@ def solve_prepared(
 ) -> DarcyFlow:
     """Solve the flow through a stencil whose links have been prepared.
 
+    The prepared links are scaled by a power of two, which is undone in the conductance. For a unit potential drop, the
+    energy Σ c (Δφ)² of a network is equal to its conductance.
+
     Parameters
     ----------
-    links : links of the stencil. The arrays `along`, `across` and `reached` may be overwritten, to save memory.
+    links : links of the stencil, and `reached`, which says to which of the two ends each node is connected. The arrays
+        `along`, `across` and `reached` may be overwritten, to save memory.
     ring2 : whether the columns form a ring.
     rtol, solver, field_rtol : as in `solve_flow`.
     """
