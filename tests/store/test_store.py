@@ -235,7 +235,9 @@ def test_two_processes_share_a_store(tmp_path):
     assert len(list(tmp_path.iterdir())) == 2
 
 
-@pytest.mark.parametrize("name", ["gasket_seal", "wanted_accuracy"])
+@pytest.mark.parametrize(
+    "name", [pytest.param("gasket_seal", marks=pytest.mark.slow), "wanted_accuracy"]
+)
 def test_every_stage_of_a_run_is_kept(tmp_path, monkeypatch, name):
     """Else a run that goes on would compute it again."""
     left = []

@@ -50,7 +50,9 @@ STUDIES = {
 }
 
 
-@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "blocks")) for name in STUDIES]
+)
 def test_a_soft_coating_lets_less_through_and_a_thick_one_what_its_metal_does(name):
     study, shape = STUDIES[name]
     bare, thin, soft = (study(scene) for scene in scenes(rough(shape), 2e-6))
