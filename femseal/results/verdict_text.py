@@ -7,7 +7,7 @@ assembly load, which action would help most, and whether the requested accuracy 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from math import inf, isfinite, log1p, nan
+from math import inf, isfinite, log, log1p, nan
 
 from ..base import TextTable, format_deviation, to_text
 from ..base.leak_rates import leak_classes
@@ -32,6 +32,8 @@ from .verdict import (
 Paragraph = list[str]
 #: Up to this number of classes, their required loads are described in sentences; more classes need the table.
 _MOST_IN_SENTENCES = 2
+#: Above this remaining fraction of the width of an interval, in ln(leakage), an action narrows it only slightly.
+_SLIGHT = 0.9
 #: Smallest and largest mass rate that is given as mass per year [kg/s]: 1 mg and 10 t per year.
 _LEAST_MASS, _MOST_MASS = 1e-6 / 3.15576e7, 1e4 / 3.15576e7
 
@@ -301,12 +303,15 @@ class _Answer:
         def interval_text(lower: float, upper: float) -> str:
             return with_leak_unit(format_interval(lower, upper, factor, leakage), unit)
 
-        before = interval_text(float(self.curve.lower[step]), float(self.curve.upper[step]))
+        lower, upper = float(self.curve.lower[step]), float(self.curve.upper[step])
+        before = interval_text(lower, upper)
         after = interval_text(narrowing.lower, narrowing.upper)
         how = "at best" if narrowing.is_best_case else "about"
+        is_slight = _remaining_width(lower, upper, narrowing.lower, narrowing.upper) > _SLIGHT
+        extent = "the interval only slightly, from" if is_slight else "the interval from"
         return [
             f"The widest source of error at {self.load_of(step)} is '{narrowing.source}': {narrowing.action} "
-            f"would narrow the interval from {before} to {how} {after}."
+            f"would narrow {extent} {before} to {how} {after}."
         ]
 
     def _lowering(self) -> str:
@@ -466,3 +471,14 @@ def _limit_texts(results: Results, verdicts: Sequence[Verdict]) -> list[str]:
         limit = f"{format_leakage(verdict.limit, factor)} {unit.name}"
         texts.append(limit if verdict.limit else "no leakage")
     return texts
+
+
+def _remaining_width(lower: float, upper: float, new_lower: float, new_upper: float) -> float:
+    """Compute the ratio of the width of a narrower interval to that of the present one, both in ln(leakage).
+
+    The ratio is 0, so that the narrowing counts as large, if one of the intervals has no finite width.
+    """
+    ends = (lower, upper, new_lower, new_upper)
+    if not all(0 < end < inf for end in ends) or upper <= lower:
+        return 0.0
+    return log(new_upper / new_lower) / log(upper / lower)

@@ -339,3 +339,23 @@ def test_the_verdict_says_what_remains_after_relaxation(study):
     (text,) = results_of(study, factor=1.01, classes=[loose], case=case).verdict_lines[:1]
     assert f"{lost}at every load from 400 MPa on" in text
     assert "is lost before" not in results_of(study, classes=[loose]).verdict_lines[0]
+
+
+def test_an_action_that_hardly_narrows_the_interval_is_said_to_do_so(study):
+    """Of six independent errors of about the same size, only one becomes smaller."""
+    scene, found = study
+
+    def text_of(others):
+        names = ["patch", *others]
+        factors = [FACTOR, *(0.99 * FACTOR for _ in others)]
+        parts = tuple(
+            ErrorPart(name, LEAKAGE / factor, LEAKAGE * factor, "by hand")
+            for name, factor in zip(names, factors, strict=True)
+        )
+        budget = ErrorBudget("deterministic", LEAKAGE, parts, scene.steps)
+        facts = RunFacts(budgets={"deterministic": budget})
+        return " ".join(assemble(scene, replace(found, leakage=LEAKAGE), facts=facts).verdict_lines)
+
+    assert "would narrow the interval from" in text_of([])
+    crowded = text_of(["pixels", "waves", "hardness", "correction", "reference"])
+    assert "would narrow the interval only slightly, from" in crowded
