@@ -446,8 +446,8 @@ def critical_junction(
     """Estimate the contact fraction of an isotropic surface, and the gap of its critical junction, from its spectrum.
 
     Seen with the resolution of a wave number q, that is, with longer waves only, the surface has the apparent contact
-    fraction A(q), which decreases with q. At the wave number at which A falls below the value at which no open path
-    exists, a first path opens. Its narrowest point is the critical junction. In the parts of the surface that are in
+    fraction A(q), which decreases with q. With rising q, A falls below the percolation threshold, and a first open
+    path appears. Its narrowest point is the critical junction. In the parts of the surface that are in
     apparent contact at this wave number, the shorter waves q′ keep the faces apart. The mean gap in these parts is
 
     u = √π ∫ q′²C w G(w p̄/AE*) dq′,

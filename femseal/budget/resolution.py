@@ -128,9 +128,9 @@ def continuation_part(
     """Estimate the error that is caused by continuing the spectrum.
 
     There are two contributions a and b, which are combined as √(a² + b²). The first is the scatter between surfaces
-    whose continued waves have different random phases. The true surface is regarded as one more of these surfaces, and
-    a follows from Student's prediction interval for one more sample. The second contribution, b, is the effect of waves
-    beyond the cut-off, see `filter_part`.
+    whose continued waves have different random phases. The true surface is regarded as one more sample of them.
+    Therefore a is taken from Student's prediction interval for one further sample. The second contribution, b,
+    is the effect of waves beyond the cut-off, see `filter_part`.
 
     Parameters
     ----------

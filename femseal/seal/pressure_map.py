@@ -296,7 +296,10 @@ class PressureField:
 
 
 def _delaunay_without_gaps(points: Array) -> Indices:
-    """Return the Delaunay triangles (t, 3) of points (m, 2) that span no gaps; none if all points lie on a line."""
+    """Return the Delaunay triangles (t, 3) of points (m, 2), without triangles that bridge a gap between the points.
+
+    There are no triangles if all points lie on a line.
+    """
     from scipy.spatial import Delaunay, QhullError
 
     try:

@@ -181,11 +181,12 @@ _SECTIONS = 5
 def roughness(flat: Topography) -> dict[str, Any]:
     """Return the roughness parameters of a map by their names in `SurfaceReport`.
 
-    The parameters of profiles are means over all profiles along x1, and over all profiles along x2. The cut-off λc is
-    chosen separately for the profiles along x1 and along x2. It is the longest standard cut-off that is not longer than
-    the profile and that the standard recommends for the Ra of the filtered profiles. It is NaN if every cut-off is
-    longer than the profile. For the parameters of the surface, the two values of λc are compared, and the filters with
-    the longer one are applied along both axes.
+    Parameters of profiles, such as Ra and Rz, are given for both directions: as the mean over all profiles along x1,
+    and as the mean over all profiles along x2. The cut-off λc is chosen separately for the profiles along x1 and
+    along x2. It is the longest standard cut-off that is not longer than the profile and that the standard
+    recommends for the Ra of the filtered profiles. It is NaN if every cut-off is longer than the profile. For the
+    parameters of the surface, the two values of λc are compared, and the filters with the longer one are applied
+    along both axes.
 
     flat : map without its form and without undefined points.
     """

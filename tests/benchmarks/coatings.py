@@ -196,7 +196,7 @@ def main():
     ]
     minutes = time.process_time() / 60
     report = (
-        f"{machine(['scikit-fem'])}. Measured in {minutes:.1f} minutes on one core.\n\n"
+        f"{machine(['scikit-fem'])}. The script took {minutes:.1f} minutes on one core.\n\n"
         + "\n\n".join(text)
     )
     print_report(__file__, "Coatings", report, options.write)

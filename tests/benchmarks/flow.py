@@ -148,7 +148,7 @@ def error_table(records):
 
 def report(records):
     """Both tables."""
-    return f"""The table shows CPU times. Those of the other programs are multiples of the time of femseal. "–" means that a run would
+    return f"""The table shows CPU times. The times of the other programs are given as multiples of the time of femseal. "–" means that a run would
 have taken too long. The gaps are cut by a plane at the given contact fraction; "solved" is the gap of a solved contact.
 
 {speed_table(records)}

@@ -46,9 +46,10 @@ ACTS = (0.1, 0.6)
 TOLD = """The table shows the leakage of seals that were simulated from one patch, divided by that of the
 whole surface. The loads are grouped by the number of decades by which the leakage of the whole
 surface has fallen below that at the first load. In every third scene a fluid pressure acts on the surfaces."""
-SURFACES_TOLD = """The table shows the fraction of the loads at which the interval of one patch contains the true
-leakage: for the scenes of the calibration, for the same scenes with their kind of surface left
-out of the calibration, and for scenes that the calibration has not seen."""
+SURFACES_TOLD = """Each interval was computed from one patch. The table shows the fraction of the loads at which it
+contains the true leakage, for three groups: the simulations that were used for the calibration;
+the same simulations, if all surfaces of their kind are left out of the calibration; and other
+simulations that were not used for the calibration."""
 HALVES_TOLD = """The next table groups the loads by the number of decades by which the true leakage lies below that
 at the first load. The column "half-width" contains the median of the factor between the leakage and an end of its
 interval; intervals whose lower end is 0 are left out. "Two patches" are measured on the same surface and used together."""

@@ -383,9 +383,9 @@ def _prolong(first, end, x, coarse, w, ring):
 def _apply_to_row(network, p, i, flow_to_right, y):
     """Compute row i of A p from differences of p, and write it to y.
 
-    p and y have a border of one node, in which they are 0 beyond inlet and outlet; the conductances have no border. The
-    flow from each node of the row to the next one is stored in the work array `flow_to_right`. Separate loops over few
-    arrays compile to vector instructions and take a third of the time of a single loop.
+    p and y have a border of one node on each side; the conductances have none. The border beyond inlet and outlet is 0.
+    The flow from each node of the row to the next one is stored in the work array `flow_to_right`. Separate loops
+    over few arrays compile to vector instructions and take a third of the time of a single loop.
     """
     along, across, ring = network
     n2 = along.shape[1]
