@@ -113,9 +113,29 @@ def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit:
 def _project(
     p: Array, v: Array, c: float, delta: float, problem: Problem, law: _Law
 ) -> tuple[float, Array]:
-    """Find the δ for which the projection y (n,) of p − c (v − δ) on the law carries the load; return δ and y.
+    """Project trial pressures onto the contact law, for the approach δ at which the projected pressures carry the load.
 
-    delta : first guess of δ [m].
+    The trial pressure of a point is z = p − c (v − δ), with the pressure p, the displacement plus the undeformed gap v,
+    and the stiffness c. Its projection is y = 0 for z < 0, y = z for z between 0 and the hardness H, and
+    y = H + t (z − H) above, with t = h/(h + c) and the hardening modulus h.
+
+    Parameters
+    ----------
+    p, v : array (n,)
+        Pressure [Pa], and displacement plus undeformed gap [m].
+    c : float
+        Stiffness [Pa/m].
+    delta : float
+        First guess of δ [m].
+    problem : Problem
+        Contact problem, with H and h as arrays of one value or of one value for each point.
+    law : _Law
+        The same H and h, with one value for each point of p.
+
+    Returns
+    -------
+    float, array (n,)
+        Approach δ [m], and projected pressures y [Pa].
     """
     x = p - c * v
     all_points = np.arange(p.size, dtype=np.int32)

@@ -27,6 +27,10 @@ from .solvers.sparse import solve_sparse
 def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
     """Assemble the operator of the flow along the first axis of a cell.
 
+    The nodes of the mesh are the pixel centres, and the points at inlet and outlet beside them. The form is integrated
+    at the midpoints of the edges, where the permeability follows from the gap between two pixels. Three steps follow:
+    the mesh, the permeability at the midpoints of the edges, and the nodes that share one unknown.
+
     Parameters
     ----------
     gap : array (n1, n2), gap h >= 0 at the pixel centres; h = 0 is contact.

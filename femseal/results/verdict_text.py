@@ -262,7 +262,14 @@ class _Answer:
         return [f"In service with {name}, the leakage of {seal} as computed there: {text}."]
 
     def about_measures(self, verdicts: Sequence[Verdict]) -> Paragraph:
-        """Say which action would narrow the interval most, and which would lower the leakage if a class is not met."""
+        """Say which action would narrow the interval most, and which would lower the leakage if a class is not met.
+
+        - If the whole interval meets all classes at the assembly load, say what narrows the interval at a lower load,
+          at which only the computed leakage meets a class.
+        - If only the computed leakage meets all classes, or if there are no classes, say what narrows the interval at
+          the assembly load, and what lowers the leakage.
+        - If the computed leakage does not meet a class, say what lowers the leakage, and how far it must be lowered.
+        """
         if verdicts and all(verdict.met_with_interval for verdict in verdicts):
             return self._narrowing(self._vague_step(verdicts))
         sentences = []
