@@ -76,6 +76,7 @@ def test_a_patch_that_holds_its_waves_has_no_row_and_one_that_does_not_has():
     ).all()  # what stands apart leaks more than what is pressed leaks less
 
 
+@pytest.mark.slow
 def test_broader_seals_and_less_flat_ones_may_leak_more():
     rising = scene(4 * SIDE)
     spread = [np.abs(changes(rising, rows * SIDE)).max() for rows in (2, 8)]

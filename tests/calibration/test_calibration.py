@@ -351,6 +351,7 @@ def test_the_example_gives_back_the_hardness_that_made_it():
     assert abs(found.hardness.median / 3.1e9 - 1) < 0.05
 
 
+@pytest.mark.slow
 def test_a_calibration_is_not_one_of_last_digits(case, tmp_path, monkeypatch):
     def model(rng, case, unit, steps, hardness, wave):
         x, y, load = np.log(hardness / 3e9), np.log(wave / 1e-5), 1 + np.asarray(steps)

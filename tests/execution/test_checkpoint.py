@@ -191,6 +191,7 @@ fs.run(sys.argv[1], sys.argv[2], workers=1, progress=progress)
     ("method", "workers"),
     [pytest.param("deterministic", 1, marks=pytest.mark.slow), ("two-scale", 2)],
 )
+@pytest.mark.slow
 def test_states_on_disk_resume_from_the_last_one_with_the_same_bits(
     case, tmp_path, monkeypatch, method, workers
 ):
@@ -422,6 +423,7 @@ def test_ctrl_c_ends_the_workers_and_says_how_to_resume(case, start, tmp_path, a
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+@pytest.mark.slow
 def test_processes_end_with_their_parent(case, start, tmp_path, monkeypatch):
     """Also where it is killed, so that it cannot end them; they remove the files by which it sent its stages."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))

@@ -289,7 +289,7 @@ def test_formats_and_pictures_that_are_unknown_are_refused(results, tmp_path):
             results.plot.write(tmp_path / "none", **options)
         assert caught.value.what == what
     assert not (tmp_path / "none").exists()
-    with pytest.raises(InputError, match="without a folder"):
+    with pytest.raises(InputError, match="the results have none"):
         results.plot.write()
 
 

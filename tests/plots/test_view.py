@@ -100,6 +100,7 @@ def test_what_cannot_be_shown_is_refused(folder, options, what):
     assert caught.value.what == what
 
 
+@pytest.mark.slow
 def test_the_window_is_drawn(folder, tmp_path):
     surroundings = dict(os.environ)
     if not surroundings.get("DISPLAY"):

@@ -224,7 +224,7 @@ def test_closed_and_failed_seals_are_told(results, value, text):
 
 
 def test_bad_paths_are_refused_before_anything_is_drawn(results, tmp_path):
-    with pytest.raises(InputError, match="without a folder"):
+    with pytest.raises(InputError, match="the results have no folder"):
         write_report(results)
     for path in (tmp_path, tmp_path / "no" / "folder.html"):
         with pytest.raises(InputError, match="can be written"):

@@ -51,6 +51,7 @@ def test_cells_press_where_the_whole_face_does():
         assert np.corrcoef(mine.ravel(), its.ravel())[0, 1] > 0.8
 
 
+@pytest.mark.slow
 def test_cells_carry_the_load_and_come_back():
     found = fs.by_blocks(scene(wavy(1e-6)), (1, 2))
     assert found.pressure.shape == (3, 4, 8)

@@ -454,6 +454,7 @@ print(used[1] - used[0])
 
 
 @pytest.mark.parametrize("kind", ["csv", "npy"])
+@pytest.mark.slow
 def test_files_are_read_in_three_times_their_memory(tmp_path, kind):
     """A text of 36 MB by its length, a map of 4000² points by that of its heights; in a process of their own."""
     paths = [tmp_path / f"{name}.{kind}" for name in ("small", "large")]
