@@ -61,6 +61,18 @@ HardnessRows = Annotated[
 ]
 
 
+def _ratio_key() -> Any:
+    """Declare the key `hardness_over_yield`, which solids and coatings have in common."""
+    return key(
+        "ratio of hardness to yield stress",
+        HARDNESS_FACTOR,
+        example=2.3,
+        gt=0,
+        needed="with a `yield_stress`",
+        since="0.2",
+    )
+
+
 def _check_ratio(table: CoatingTable | SolidTable) -> None:
     """Raise an InputError if the table has a ratio of hardness to yield stress, but no yield stress."""
     if "hardness_over_yield" in table.model_fields_set and table.yield_stress is None:
@@ -89,14 +101,7 @@ class CoatingTable(Table):
         since="0.2",
         instead="hardness",
     )
-    hardness_over_yield: float = key(
-        "ratio of hardness to yield stress",
-        HARDNESS_FACTOR,
-        example=2.3,
-        gt=0,
-        needed="with a `yield_stress`",
-        since="0.2",
-    )
+    hardness_over_yield: float = _ratio_key()
     hardness: Strength | None = key(
         "hardness: the largest contact pressure of a point", None, example="150 MPa", since="0.2"
     )
@@ -131,14 +136,7 @@ class SolidTable(Table):
     hardness: Strength | None = key(
         "hardness: the largest contact pressure of a point", None, start="2.8 GPa"
     )
-    hardness_over_yield: float = key(
-        "ratio of hardness to yield stress",
-        HARDNESS_FACTOR,
-        example=2.3,
-        gt=0,
-        needed="with a `yield_stress`",
-        since="0.2",
-    )
+    hardness_over_yield: float = _ratio_key()
     hardening: Hardening | None = key(
         "increase of the hardness with the plastic deformation",
         None,

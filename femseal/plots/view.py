@@ -273,16 +273,7 @@ def ends_of_seal(results: Results) -> Array | None:
 
 def mark_ends(plotter: pyvista.Plotter, ends: Array) -> None:
     """Write "inlet" and "outlet" at two positions (2, 3) [µm]."""
-    plotter.add_point_labels(
-        ends,
-        ["inlet", "outlet"],
-        font_size=14,
-        text_color="black",
-        shape=None,
-        show_points=False,
-        always_visible=True,
-        justification_horizontal="center",
-    )
+    _add_texts(plotter, ends, ["inlet", "outlet"])
 
 
 def add_scale_bar(plotter: pyvista.Plotter, bounds: Any) -> None:
@@ -294,9 +285,15 @@ def add_scale_bar(plotter: pyvista.Plotter, bounds: Any) -> None:
     below = y_low - 0.06 * (y_high - y_low)
     line = pyvista.Line((x_low, below, 0.0), (x_low + length, below, 0.0))
     plotter.add_mesh(line, color="black", line_width=4)
+    middle = np.array([[x_low + length / 2, below - 0.04 * (y_high - y_low), 0.0]])
+    _add_texts(plotter, middle, [to_text(length * 1e-6, "m", 3)])
+
+
+def _add_texts(plotter: pyvista.Plotter, positions: Array, texts: list[str]) -> None:
+    """Write texts at positions (n, 3) [µm], in front of everything else."""
     plotter.add_point_labels(
-        np.array([[x_low + length / 2, below - 0.04 * (y_high - y_low), 0.0]]),
-        [to_text(length * 1e-6, "m", 3)],
+        positions,
+        texts,
         font_size=14,
         text_color="black",
         shape=None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import prod
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -286,7 +287,7 @@ class RunComparison(Plotted):
         step = self._ranked_step
         return None if step is None else self._ranking_at(step)
 
-    @property
+    @cached_property
     def _ranked_step(self) -> LoadStep | None:
         """Load step of the ranking, None if the runs have no step on loading in common."""
         loading = [step for step in self.common_steps if step.unloaded_from is None]

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 import femseal as fs
-from common import machine, print_report, table
+from common import machine_and_time, print_report, table
 from femseal.contact.law import contact_law
 from femseal.contact.layered import layer_factor
 
@@ -194,11 +194,7 @@ def main():
         'factor, divided by the leakage without the factor. "–" means that the surface is sealed without the factor.',
         constraint(),
     ]
-    minutes = time.process_time() / 60
-    report = (
-        f"{machine(['scikit-fem'])}. The script took {minutes:.1f} minutes on one core.\n\n"
-        + "\n\n".join(text)
-    )
+    report = "\n\n".join([machine_and_time(["scikit-fem"]), *text])
     print_report(__file__, "Coatings", report, options.write)
 
 

@@ -126,6 +126,12 @@ def machine(packages: Iterable[str] = ()) -> str:
     return f"{date.today()}, {processor}, Python {platform.python_version()}, {', '.join(versions)}"
 
 
+def machine_and_time(packages: Iterable[str] = ()) -> str:
+    """Describe the machine and the packages, and say how long this script has taken so far, for the head of a report."""
+    minutes = time.process_time() / 60
+    return f"{machine(packages)}. The script took {minutes:.1f} minutes on one core."
+
+
 def print_report(script: str, title: str, text: str, write: bool) -> None:
     """Print a report, and write it beside the script, where the documentation takes it from."""
     print(text)

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common import machine, print_report, table
+from common import machine_and_time, print_report, table
 from femseal import (
     HalfSpace,
     IdealGas,
@@ -478,7 +478,7 @@ def main():
     predicted, asked = granite_tables(timed("granite", granite))
     flow, closing = fracture_tables(timed("fractures", fractures))
     metals = rows_table(timed("gaskets", gaskets))
-    text = f"""{machine()}. Measured in {time.process_time() / 60:.0f} minutes on one core. \
+    text = f"""{machine_and_time()} \
 The values in brackets are ranges over six surfaces (three for gaskets) that differ only in their random phases.
 
 ## Ground granite, unloading predicted

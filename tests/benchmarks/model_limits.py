@@ -6,7 +6,6 @@ python tests/benchmarks/model_limits.py --write
 from __future__ import annotations
 
 import argparse
-import time
 
 import numpy as np
 import scipy.sparse as sparse
@@ -24,7 +23,7 @@ from skfem import (
 )
 from skfem.helpers import ddot, div, dot, grad, mul
 
-from common import machine, print_report, table
+from common import machine_and_time, print_report, table
 from femseal import Coated, Solid
 from femseal.contact.layered import layer_factor as coated_factor
 
@@ -518,11 +517,7 @@ def main():
         "## Yield below a seat",
         yields(),
     ]
-    minutes = time.process_time() / 60
-    report = (
-        f"{machine(['scikit-fem'])}. The script took {minutes:.1f} minutes on one core.\n\n"
-        + "\n\n".join(text)
-    )
+    report = "\n\n".join([machine_and_time(["scikit-fem"]), *text])
     print_report(__file__, "Limits of the model", report, options.write)
 
 

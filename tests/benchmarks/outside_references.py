@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from common import machine, print_report, table
+from common import machine_and_time, print_report, table
 from peers import present
 from references.bearing import bearing_area
 from references.critical_area import critical_area, flow_near_closing, resolution
@@ -125,10 +125,9 @@ def main():
         if not given.problem or name in given.problem:
             cells.append([claim, source, told(measure())])
             print(f"{name}: {time.process_time():.0f} s", file=sys.stderr, flush=True)
-    minutes = f"Measured in {time.process_time() / 60:.0f} minutes on one core."
     head = ["published result, or other program", "source", "result of femseal"]
-    versions = machine(("tamaas", "ContactMechanics", "reynoldsflow"))
-    text = f"{versions}. {minutes}\n\n{table(head, cells)}"
+    intro = machine_and_time(("tamaas", "ContactMechanics", "reynoldsflow"))
+    text = f"{intro}\n\n{table(head, cells)}"
     if not given.problem:
         text += f"\n\n{handbook_section().rstrip()}"
     print_report(__file__, "Outside references", text, given.write and not given.problem)

@@ -189,7 +189,7 @@ fs.run(sys.argv[1], sys.argv[2], workers=1, progress=progress)
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="no such signal")
 @pytest.mark.parametrize(
     ("method", "workers"),
-    [pytest.param("deterministic", 1, marks=pytest.mark.slow), ("two-scale", 2)],
+    [("deterministic", 1), ("two-scale", 2)],
 )
 @pytest.mark.slow
 def test_states_on_disk_resume_from_the_last_one_with_the_same_bits(
