@@ -23,6 +23,7 @@ from ..results import Results, open_results
 from ..results.class_fluid import class_fluid
 from ..results.leakage_classes import class_limits
 from ..results.load_steps import force_scale
+from ..results.verdict_text import short_loads
 from ..runs import job
 from .data_sheet import Design
 from .requirements import Requirement, Seals, requirement, sealing_load
@@ -136,7 +137,7 @@ def design(
         requirement(seals, name, limit, probability, relaxation) for name, limit in limits.items()
     )
     load = _choose_load_of_sensitivities(requirements, seals, probability)
-    notes = _notes(seals, probability, results)
+    notes = _notes(seals, probability, results) + _note_on_load(load, results)
     variants = Variants(can_yield=bool(np.isfinite(results.dataset.attrs["hardness_Pa"])))
     if solve and case is None:
         notes.append(
@@ -264,11 +265,12 @@ class _Load:
     """Load at which the sensitivities are computed.
 
     class_name : leakage class, if the load is Qmin of a class; "" otherwise. pressure : nominal pressure [Pa]; NaN if
-    there is no suitable load.
+    there is no suitable load. replaced : requirement whose Qmin would be the load if the seal leaked there.
     """
 
     class_name: str
     pressure: float
+    replaced: Requirement | None = None
 
     @property
     def is_known(self) -> bool:
@@ -281,21 +283,46 @@ def _choose_load_of_sensitivities(
 ) -> _Load:
     """Choose the load for the sensitivities.
 
-    This is Qmin of the first class whose Qmin lies within the loads of the case. If there is no such class, it is the
+    This is Qmin of the first class whose Qmin lies within the loads of the case. If the leakage at this Qmin is 0 or
+    unknown, it is the load step closest to it with a known leakage above 0. If there is no such class, it is the
     geometric mean of the lowest and the highest load at which the seal leaks during loading.
     """
-    for need in requirements:
-        if np.isfinite(need.assembly.at):
-            return _Load(need.name, need.assembly.at)
     steps = seals.steps_from_highest()
     pressure = seals.steps.pressures[steps]
     leakage = seals.quantile_curve(fraction)[steps]
     is_leaking = (pressure > 0) & (leakage > 0) & np.isfinite(leakage)
     leaking_pressures = pressure[is_leaking]  # from the highest to the lowest
+    if not leaking_pressures.size:
+        return _Load("", np.nan)
+    highest, lowest = leaking_pressures[0], leaking_pressures[-1]
+    for need in requirements:
+        needed = need.assembly.at
+        if lowest <= needed <= highest:
+            return _Load(need.name, needed)
+        if np.isfinite(needed):
+            closest = highest if needed > highest else lowest
+            return _Load("", float(closest), replaced=need)
     if leaking_pressures.size < 2:
         return _Load("", np.nan)
-    geometric_mean = np.sqrt(leaking_pressures[0] * leaking_pressures[-1])
-    return _Load("", float(geometric_mean))
+    return _Load("", float(np.sqrt(highest * lowest)))
+
+
+def _note_on_load(load: _Load, results: Results) -> list[str]:
+    """Write a note if the sensitivities are not those at the load that a class needs."""
+    if load.replaced is None:
+        return []
+    load_text = short_loads(results)
+    needed = load.replaced.assembly.at
+    if load.pressure < needed:
+        which = "the highest load at which the seal leaks as computed"
+        why = "no leakage path is open"
+    else:
+        which = "the lowest load whose leakage is known"
+        why = "the leakage is unknown"
+    return [
+        f"the sensitivities hold at {load_text(load.pressure)}, {which}: at {load_text(needed)}, which "
+        f"{load.replaced.name} needs, {why}"
+    ]
 
 
 def _with_fluid(variants: Variants, results: Results) -> Variants:

@@ -362,6 +362,26 @@ def test_a_case_gives_files_and_a_section_of_the_report(tmp_path):
     assert "takes a solution" in hardness.how
 
 
+def test_sensitivities_are_known_if_the_class_is_met_because_no_path_is_open():
+    """They hold at the highest load with a leakage above 0, and the answer says so."""
+    loads = {"loading": ["20 MPa", "100 MPa", "2.7 GPa"]}
+    closing = case(face=GROOVED, load=loads, output={"budget": False}, method="deterministic")
+    results = fs.run(closing, workers=1)
+    first, second, last = results.leakage.values
+    assert first > second > last == 0
+    limit = f"{1e9 * second / 2:.6g} µL/(m·s)"
+    answer = fs.design(closing, classes=[limit, "1 L/(m·s)"], workers=1)
+    assert answer.requirements[0].assembly.at == pytest.approx(2.7e9)
+    assert answer.at == ("", pytest.approx(1e8))
+    slopes = {s.quantity: s for s in answer.sensitivities}
+    for name in ("nominal pressure", "hardness", "roughness amplitude", "contact modulus"):
+        assert np.isfinite(slopes[name].leakage)
+    assert np.isfinite([s.pressure for s in answer.sensitivities[1:]]).all()
+    (note,) = [note for note in answer.notes if "sensitivities hold at" in note]
+    assert note.startswith("the sensitivities hold at 100 MPa, the highest load")
+    assert "at 2.7 GPa, which" in note
+
+
 def test_the_command_says_what_the_seal_needs(tmp_path, femseal):
     output = {"paraview": "none", "fields_limit": "0 byte", "classes": ["L1"]}
     output["picture_formats"] = ["pdf"]
