@@ -1,21 +1,23 @@
 """Solve a contact on one grid by projected active sets, with preconditioned conjugate gradients on the free points.
 
-The solution minimises the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p) under a given load, where ψ depends on the contact law. Let
-y be the projection of p − c (v − δ) on the contact law, with v = Kp + h₁ and the δ for which Σ y is equal to the load.
-For perfect plasticity y = clip(p − c (v − δ), 0, H). The pressure p is the solution if p = y, for any c > 0.
+The solution minimises the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p) under a given load. The term ψ depends on the contact law.
 
-Each iteration consists of three parts:
+With v = Kp + h₁, the trial pressure of a point is p − c (v − δ). Its projection on the contact law is y, which is
+y = clip(p − c (v − δ), 0, H) for perfect plasticity. The approach δ is chosen such that Σ y is equal to the load. The
+pressure p is the solution if p = y, for any step length c > 0.
 
-1. If points have to leave the contact, reach the hardness, or return from either, the sets are changed: p is set to y,
-   and v is computed by a product with K.
-2. A few steps of conjugate gradients on the free points, which are elastic or harden, reduce the energy. Each step
-   needs a product with K.
+An iteration consists of three parts:
+
+1. If points have to change between separated, elastic and plastic, the active sets are changed: p is set to y, and v is
+   computed by a product with K.
+2. A few steps of conjugate gradients reduce the energy. They change the pressure of the free points, that is, of points
+   that are elastic or harden. Each step needs a product with K.
 3. The contact is evaluated: δ, y and the residual ‖p − y‖/‖y‖ · c₀/c are computed.
 
-This is an inexact semismooth Newton method, for which convergence is not proved. If the energy increases repeatedly, or
-after 60 iterations, the method in `descent` is used instead. Before convergence is accepted, v is computed again by a
-product with K, so that the residual is that of the returned pressure. Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991,
-93; Polonsky & Keer, Wear 231, 1999, 206.
+The iteration is an inexact semismooth Newton method, for which convergence is not proved. If the energy increases
+repeatedly, or after 60 iterations, the method in `descent` is used instead. Before the solver accepts a pressure as the
+solution, it computes v by a product with K and from v the residual, so that the residual belongs to the returned
+pressure. Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
 from __future__ import annotations
@@ -28,12 +30,11 @@ from .workspace import Loops, Problem, Workspace
 
 
 class StepLimits(NamedTuple):
-    """Limits for the steps of conjugate gradients in one iteration.
+    """Limits for the steps of conjugate gradients in one iteration of the contact solver.
 
-    after_change : largest number of steps in an iteration in which the active sets have changed.
-    without_change : largest number of steps in an iteration in which the active sets have remained the same.
-    drop : the steps end when w·r, the squared energy norm of the residual, falls below this fraction of its first
-        value.
+    after_change : largest number of steps of conjugate gradients if this iteration has changed the active sets.
+    without_change : largest number of steps of conjugate gradients if this iteration has not changed the active sets.
+    drop : fraction of the initial w·r, the squared energy norm of the residual. The steps end when w·r is smaller.
     """
 
     after_change: int
@@ -42,9 +43,9 @@ class StepLimits(NamedTuple):
 
 
 _STEPS = StepLimits(3, 5, 0.04)
-#: Limits for grids with a long axis, on which contact patches may be large or far from each other. They reduce the
-#: number of products for unloading on 2048² points from 48 to 37, and for a strip of 2 × 32768 points from 400 to 1,400
-#: to 200.
+#: Limits for grids with a long axis, on which contact patches may be large or far from each other. Compared with
+#: `_STEPS`, the number of products falls from 48 to 37 for unloading on 2048² points, and from between 400 and 1,400 to
+#: 200 for a strip of 2 × 32768 points.
 _LONG_STEPS = StepLimits(64, 64, 0.01)
 #: An axis is long from this number of points on.
 _LONG = 1024
@@ -69,12 +70,12 @@ _LOAD_RTOL = 1e-10
 
 
 class Lists(NamedTuple):
-    """Numbers of listed points, and the threshold with which the lists were made.
+    """How many points the lists of `projection` contain, and the threshold with which the lists were made.
 
     near : number of points near contact. A point is near contact if it is in contact or if v is below `reach`.
-    free : number of free points, whose pressure is unknown.
-    reach : threshold of v [m].
-    margin : difference between `reach` and δ at the time when the lists were made [m].
+    free : number of free points. The pressure of a free point is unknown.
+    reach : value of v [m] below which a point is listed as near contact.
+    margin : difference between `reach` and the approach δ when the lists were made [m].
     """
 
     near: int
@@ -84,9 +85,9 @@ class Lists(NamedTuple):
 
 
 class Evaluation(NamedTuple):
-    """State of the iteration.
+    """Result of an evaluation of the contact.
 
-    delta : approach δ minus the offset of the heights [m].
+    delta : approach δ [m], minus the height that the solver has subtracted from the undeformed gap.
     residual : residual ‖p − y‖/‖y‖ · c₀/c.
     sets_change : whether the sets should be changed in the next iteration.
     """
@@ -99,9 +100,9 @@ class Evaluation(NamedTuple):
 class Directions(NamedTuple):
     """State of the conjugate gradients on one set of free points.
 
-    total_ones : sum Σ M1, where M is the preconditioner and 1 a vector of ones.
-    previous_wr : product w·r of the previous direction; infinite if there is none.
-    unused_wr : product w·r of the next direction, if it has already been computed; otherwise None.
+    total_ones : sum of all components of M1, the preconditioner M applied to a vector of ones.
+    previous_wr : product w·r of the previous direction; infinite if there is no previous direction.
+    unused_wr : product w·r of the next direction; None if the next direction has not been computed.
     """
 
     total_ones: float
@@ -112,10 +113,10 @@ class Directions(NamedTuple):
 class Gradients(NamedTuple):
     """Result of several steps of conjugate gradients.
 
-    directions : state of the conjugate gradients after the last step.
+    directions : scalars with which the conjugate gradients can be continued after the last step.
     steps : number of steps.
-    longest_step : largest length c [Pa/m] that the next projection step may have, from the Rayleigh quotients of the
-        directions.
+    longest_step : largest permissible length c [Pa/m] of the next projection step, which is computed from the Rayleigh
+        quotients of the search directions.
     """
 
     directions: Directions
@@ -124,17 +125,19 @@ class Gradients(NamedTuple):
 
 
 class Tangents(Protocol):
-    """Tangents of a curved law, whose hardness and slope of each point change with each evaluation of the contact.
+    """Tangents of a curved contact law at the present plastic deformation of each point.
 
-    delta : first guess of the approach minus the offset [m], or None.
-    number : number of points whose tangent rises.
+    Each evaluation of the contact gives new plastic deformations, and therefore new tangents.
+
+    delta : first guess of the approach minus the offset of the heights [m], or None.
+    number : number of points whose tangent has a positive slope dH/du.
     """
 
     delta: float | None
     number: int
 
     def evaluate(self, n_near: int, c: float, delta: float) -> tuple[Any, ...]:
-        """Set the tangents, and evaluate the contact as `projection.evaluate` does."""
+        """Evaluate the contact like `projection.evaluate`, and set the tangent of each point."""
 
 
 def solve_active_sets(
@@ -157,7 +160,8 @@ def solve_active_sets(
     limit : int
         Largest number of iterations.
     tangents : Tangents, optional
-        Tangents of a curved law, which evaluates the contact and thereby updates the linear law of the problem.
+        Tangents of a curved law. Their method `evaluate` takes the place of `projection.evaluate`, and updates the
+        hardness and slope of each point in `problem`.
 
     Returns
     -------
@@ -236,7 +240,8 @@ def _is_solved(
 ) -> bool:
     """Return whether the pressure is accepted as the solution.
 
-    Its residual must be small enough and computed with an accurate v, and it must carry the load.
+    The pressure must carry the load, and its residual must be at most `rtol`. The residual must have been computed with
+    a v that a product with K has given (`is_fresh`).
     """
     if not (state.residual <= rtol and is_fresh):
         return False
@@ -247,11 +252,11 @@ def _is_solved(
 
 
 class Product(NamedTuple):
-    """Result of a product with K.
+    """Sums over the points of the grid, and lists of points, after a product of K with the pressure.
 
-    lists : numbers of listed points, and the threshold.
+    lists : how many points are listed, and the threshold with which the lists were made.
     energy : energy of the pressure.
-    load : sum Σ p of the pressure [Pa].
+    load : sum Σ p of the pressures of all points [Pa].
     total_v : sum Σ v over the points near contact [m].
     """
 
@@ -262,7 +267,7 @@ class Product(NamedTuple):
 
 
 def _multiply(grid: Workspace, loops: Loops, reach: float, margin: float) -> Product:
-    """Compute v = Kp + h₁, and list the points that are in contact or have v below the threshold `reach` [m]."""
+    """Compute v = Kp + h₁, and list the points near contact: points in contact, and points with v below `reach` [m]."""
     loops.respond()
     n_rows = len(grid.arrays.v)
     near, free, energy, load, total_v = loops.list_near(grid.compliance, 1.0, reach, 0, n_rows)
@@ -270,7 +275,7 @@ def _multiply(grid: Workspace, loops: Loops, reach: float, margin: float) -> Pro
 
 
 def _list_near(grid: Workspace, loops: Loops, reach: float, margin: float) -> Lists:
-    """Make the list of points near contact again with another threshold `reach` [m]; v is not changed."""
+    """List the points near contact again, with another threshold `reach` [m] of v, but without a change of v."""
     n_rows = len(grid.arrays.v)
     near, free, *_sums = loops.list_near(1.0, 0.0, reach, 0, n_rows)
     return Lists(near, free, reach, margin)
@@ -281,7 +286,7 @@ def _first_evaluation(
 ) -> tuple[Lists, Evaluation]:
     """List the points near contact for the initial pressure.
 
-    delta : first guess of δ [m]. Default: the mean v of the points in contact.
+    delta : first guess of the approach δ [m]; by default, the mean of v over the points in contact.
     """
     product = _multiply(grid, loops, reach=-inf, margin=0.0)  # lists the points in contact only
     # with a very small load there may be no point in contact on a coarse grid
@@ -297,12 +302,12 @@ def _first_evaluation(
 def _evaluate(
     grid: Workspace, loops: Loops, lists: Lists, previous: Evaluation, c: float, is_fresh: bool
 ) -> tuple[Lists, Evaluation]:
-    """Compute δ and the residual for the step length c [Pa/m], and decide whether the sets should be changed.
+    """Compute δ and the residual for the step length c [Pa/m], and decide whether the active sets should be changed.
 
-    Only listed points are considered, because v of all other points was above `reach` when the list was made. If δ
-    exceeds `reach`, a new list is made, provided that v is accurate at all points (`is_fresh`). Steps of conjugate
-    gradients only update v at listed points. After such steps, no new list is made until the next product of K with the
-    pressure.
+    Only points in the list of points near contact are considered, because v of all other points was above `reach` when
+    the list was made. If δ exceeds `reach`, a new list is made, provided that v is accurate at all points (`is_fresh`).
+    Steps of conjugate gradients update v only at the listed points. After a step of conjugate gradients, no new list is
+    therefore made until the next product of K with the pressure.
     """
     delta = previous.delta
     while True:
@@ -335,11 +340,11 @@ def _evaluate(
 def _change_sets(
     grid: Workspace, loops: Loops, lists: Lists, c: float, delta: float, keep: bool
 ) -> tuple[Lists, float]:
-    """Set p to its projection y, which changes the active sets, and compute v from the new p.
+    """Change the active sets: set the pressure p to the projection y, and compute v from the new pressure.
 
-    keep : whether points that remain free keep their present pressure.
+    keep : whether a free point that remains elastic, or continues to harden, retains its present pressure.
 
-    Returns the new lists of points, and the energy of the new pressure.
+    Returns how many points the new lists contain, and the energy of the new pressure.
     """
     loops.project(lists.near, lists.free, c, delta, keep)
     product = _multiply(grid, loops, delta + lists.margin, lists.margin)
@@ -355,7 +360,8 @@ def _conjugate_gradients(
 ) -> Gradients:
     """Perform a few steps of conjugate gradients on the free points.
 
-    directions : state of the conjugate gradients after previous steps; None if the free points have changed since then.
+    directions : scalars with which earlier conjugate gradients are continued; None if the free points have changed
+        since then, so that the conjugate gradients begin anew.
     """
     is_long = max(grid.half_space.shape) >= _LONG
     limits = _LONG_STEPS if is_long else _STEPS

@@ -1,10 +1,13 @@
 """Solve a contact by steps that never increase the energy, for problems in which the active sets cycle.
 
-Each iteration begins with a step along the projected gradient with the Barzilai-Borwein length, which determines the
-free points. Then follow conjugate gradients on the free points, which ignore the bounds. Their result is projected on
-the bounds, and the pressure is moved towards the projected pressure as far as the energy decreases. The energy
-decreases with each step, and the load remains constant. The energy is ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p), with ψ = ½ Σ (p −
-H)₊²/h for points that harden.
+Each iteration begins with a step along the projected gradient, whose length is the Barzilai-Borwein length. This
+gradient step determines which points are free. Conjugate gradients on the free points follow; they ignore the bounds of
+the pressure. The pressure that they reach is projected on the bounds. Finally, the pressure is moved towards this
+projected pressure as far as the energy decreases.
+
+The load remains constant, and the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p) decreases with each step. The term ψ is the sum of
+½ (p − H)₊²/h over the points that harden.
+
 Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Birgin, Martínez & Raydan, SIAM J. Optim. 10, 2000, 1196.
 """
 
@@ -20,16 +23,16 @@ from .workspace import Problem, Workspace
 
 #: Largest number of steps of conjugate gradients in an iteration.
 _STEPS = 25
-#: Fraction of the initial w·r at which these steps end.
+#: Fraction of the initial w·r at which the steps of conjugate gradients end.
 _DROP = 1e-3
 #: Number of halvings of the range in which a uniform pressure is sought that restores the load.
 _HALVINGS = 60
 
 
 class Solution(NamedTuple):
-    """Solution of a contact problem on one grid; its pressure and v are in the memory of the grid.
+    """Data of a solution on one grid. The pressure p and v = Kp + h₁ remain in the workspace of the grid.
 
-    delta : approach δ minus the offset [m].
+    delta : approach δ minus the offset of the heights [m].
     residual : residual ‖p − y‖/‖y‖.
     iterations : number of iterations.
     products : number of products of K with a pressure.
@@ -46,8 +49,8 @@ class _Law(NamedTuple):
 
     hardness : hardness H [Pa].
     slope : hardening modulus h [Pa/m].
-    limit : largest pressure [Pa], infinite for points that harden.
-    compliance : 1/h of points that harden [m/Pa], and 0 of all others.
+    limit : largest pressure [Pa]: H for a perfectly plastic point, infinite for a point that can harden.
+    compliance : compliance [m/Pa]: 0 for a perfectly plastic point, 1/h for a point that can harden.
     """
 
     hardness: Array
@@ -56,7 +59,7 @@ class _Law(NamedTuple):
     compliance: Array
 
     def energy(self, p: Array) -> float:
-        """Compute the part ψ(p) of the energy that comes from the law."""
+        """Compute ψ(p), the part of the energy that depends on the contact law: the sum of ½ (p − H)₊²/h."""
         return float(0.5 * self.compliance @ np.maximum(p - self.hardness, 0.0) ** 2)
 
 
@@ -68,9 +71,9 @@ def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit:
     grid : Workspace
         Grid with the initial pressure, which is replaced by the solution.
     problem : Problem
-        Gap, law and load.
+        Undeformed gap, contact law and load.
     delta : float
-        First guess of the approach minus the offset [m].
+        First guess of the approach minus the offset of the heights [m].
     rtol : float
         Target residual.
     limit : int
@@ -115,9 +118,9 @@ def _project(
 ) -> tuple[float, Array]:
     """Project trial pressures onto the contact law, for the approach δ at which the projected pressures carry the load.
 
-    The trial pressure of a point is z = p − c (v − δ), with the pressure p, the displacement plus the undeformed gap v,
-    and the stiffness c. Its projection is y = 0 for z < 0, y = z for z between 0 and the hardness H, and
-    y = H + t (z − H) above, with t = h/(h + c) and the hardening modulus h.
+    The trial pressure of a point is z = p − c (v − δ), with the pressure p, the displacement plus undeformed gap v, and
+    the stiffness c. The projected pressure is y = 0 for z < 0, y = z for z between 0 and the hardness H, and
+    y = H + t (z − H) for larger z, with t = h/(h + c) and the hardening modulus h.
 
     Parameters
     ----------
@@ -130,7 +133,7 @@ def _project(
     problem : Problem
         Contact problem, with H and h as arrays of one value or of one value for each point.
     law : _Law
-        The same H and h, with one value for each point of p.
+        Hardness H and hardening modulus h of the problem, with one value for each point of p.
 
     Returns
     -------
@@ -152,9 +155,9 @@ def _project(
 def _gradient_step(
     grid: Workspace, p: Array, v: Array, c: float, delta: float, problem: Problem, law: _Law
 ) -> float:
-    """Move p (n,) towards its projection y until the energy is lowest; return the length c of the next step.
+    """Move p (n,) towards the projected pressure y until the energy is lowest; return the length c of the next step.
 
-    v (n,) is updated with p.
+    The displacement plus undeformed gap v (n,) is updated for the new pressure.
     """
     delta, y = _project(p, v, c, delta, problem, law)
     d = y - p
@@ -165,9 +168,10 @@ def _gradient_step(
 def _move(grid: Workspace, p: Array, v: Array, d: Array, delta: float, law: _Law) -> float:
     """Move p (n,) along d (n,) to the lowest energy, but not beyond p + d; return d·Kd.
 
-    p + d is within the bounds and carries the load. If the energy does not fall, p is not moved and 0 is returned.
-    With hardening the position of the lowest energy is only estimated, but the energy still falls, because it is
-    convex. v (n,) is updated with p.
+    The pressure p + d is within the bounds and carries the load. If the energy does not fall along d, p remains as it
+    is, and 0 is returned. With hardening, the position of the lowest energy is only estimated. Because the energy is
+    convex, the energy at the estimated position is nevertheless lower than at p. The displacement plus undeformed gap v
+    (n,) is updated for the new pressure.
     """
     response = grid.response(d)
     curvature = float(d @ response)
@@ -182,11 +186,12 @@ def _move(grid: Workspace, p: Array, v: Array, d: Array, delta: float, law: _Law
 
 
 def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _Law) -> int:
-    """Lower the energy on the free points; return the number of products with K.
+    """Change the pressures of the free points so that the energy falls; return the number of products with K.
 
-    Conjugate gradients find a step that ignores the bounds. The pressure after this step is replaced by the nearest
-    pressure that is within the bounds and carries the load. If the energy does not fall on the way to this pressure,
-    the step itself is made instead, up to the first bound that it meets. p and v (n,) are updated.
+    Conjugate gradients find a change of the pressure that ignores the bounds. The changed pressure is then replaced by
+    the nearest pressure that is within the bounds and carries the load, and the pressure is moved towards this nearest
+    pressure. If the energy does not fall in this direction, the pressure is moved along the change that the conjugate
+    gradients have found, until a point reaches one of its bounds. p and v (n,) are updated.
     """
     free, low, high, compliance = _free_points(p, law)
     if free.size < 2:
@@ -214,11 +219,11 @@ def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _La
 
 
 class _FreePoints(NamedTuple):
-    """Points whose pressure is unknown, arrays (free points,).
+    """Free points, whose pressure is unknown, as arrays (free points,).
 
     points : index of each point on the grid.
     low, high : bounds of the pressure [Pa]: 0 and H for an elastic point, H and infinity for a point that hardens.
-    compliance : compliance 1/h [m/Pa] of a point that hardens, and 0 of an elastic point.
+    compliance : compliance [m/Pa]: 1/h for a point that hardens, 0 for an elastic point.
     """
 
     points: NDArray[np.int32]
@@ -228,7 +233,7 @@ class _FreePoints(NamedTuple):
 
 
 def _free_points(p: Array, law: _Law) -> _FreePoints:
-    """Find the points whose pressure is unknown because they are elastic or harden."""
+    """Find the free points, which are elastic or harden, so that their pressure is unknown."""
     yields = (p > law.hardness) & (law.slope > 0)
     is_elastic = (p > 0) & (p < law.hardness)
     free = np.flatnonzero(is_elastic | yields).astype(np.int32)
@@ -249,7 +254,7 @@ def _conjugate_gradients(
     free: NDArray[np.int32],
     hardening_compliance: Array,
 ) -> tuple[Array, Array, int]:
-    """Minimise the energy on the free points, without bounds and with the same load.
+    """Minimise the energy with respect to the pressures of the free points, without bounds and at a constant load.
 
     Returns
     -------
@@ -291,9 +296,10 @@ def _conjugate_gradients(
 
 
 def _within_bounds(target: Array, low: Array, high: Array, load: float) -> Array:
-    """Find the values (n,) that are nearest to a target (n,), lie between the bounds, and add up to the load.
+    """Find the pressures (n,) that are nearest to a target (n,), lie between their bounds, and add up to the load.
 
-    A uniform shift of the target, limited to the bounds, is found by bisection.
+    The pressures are clip(target + shift, low, high). Bisection finds the shift for which the pressures add up to the
+    load.
     """
     largest = float(np.max(np.abs(target)))
     lower, upper = -largest, largest
@@ -307,7 +313,7 @@ def _within_bounds(target: Array, low: Array, high: Array, load: float) -> Array
 
 
 def _preconditioned(grid: Workspace, free: NDArray[np.int32], values: Array, scale: Array) -> Array:
-    """Apply the scaled preconditioner s M s to values on the free points; s is 1 where the law does not harden."""
+    """Apply the scaled preconditioner s M s to values at the free points; s = 1 at points that do not harden."""
     out = np.empty(free.size)
     dense = grid.arrays.dense
     dense[:] = 0

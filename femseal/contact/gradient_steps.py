@@ -1,26 +1,25 @@
 """Compile the loops of conjugate gradients on the free points, with a 3 × 3 stencil as preconditioner M.
 
-`active_sets` calls `restart`, `next_direction` and `step`. They consist of loops over the points `first` to `end` − 1
-of a list.
-The arrays p, v, state, near, near_p, near_v, free and place are described in `projection`.
+`active_sets` calls `restart`, `next_direction` and `step`. Each of these functions calls loops over the points `first`
+to `end` − 1 of a list. The arrays p, v, state, near, near_p, near_v, free and place are described in `projection`.
 
 Arrays of the free points, in the order of the list `free`
 ----------------------------------------------------------
 r, w, d : residual, preconditioned residual and search direction.
 ones : M1, the preconditioner applied to a vector of ones.
 hardening_compliance : compliance a = 1/h [m/Pa] of a point that yields and hardens, and 0 for an elastic point.
-scale : factor s = 1/√(1 + a m), where m is the middle weight of the stencil. It accounts for the compliance a of points
-    that harden. The preconditioner is s M s.
+scale : factor s = 1/√(1 + a m) of each free point, where m is the middle weight of the stencil M. With hardening, the
+    preconditioner is s M s, so that the factor s takes the compliance a into account.
 
 Other arrays
 ------------
 response : Kd at the points near contact, in the order of the list `near`.
-dense : values at all points of the grid, 0 at points that are not free. It contains either the values to which the
-    stencil is applied, or the direction d.
-weights : stencil of the preconditioner (3, 3).
-rows : for the row numbers −1 to n1, the row of the grid that has the same values, because the grid is continued
-    periodically or by its mirror image; −1 beyond the end of a free axis.
-columns : the same for the column numbers −1 to n2.
+dense : values at all points of the grid, either the values to which the stencil is applied, or the search direction d;
+    0 at points that are not free.
+weights : stencil M of the preconditioner (3, 3).
+rows : grid rows that correspond to the row numbers −1 to n1, (n1 + 2,). The row numbers −1 and n1 lie outside the grid.
+    On a periodic or mirror axis, they correspond to rows of the grid; on a free axis, the array contains −1 for them.
+columns : grid columns that correspond to the column numbers −1 to n2, (n2 + 2,), defined like `rows`.
 """
 
 import numpy as np
@@ -33,9 +32,9 @@ def restart(
     hardness, slope, state, dense, near_p, near_v, free, place, r, ones, hardening_compliance,
     scale, weights, rows, columns, n_free, delta,
 ):  # fmt: skip
-    """Prepare the first direction: compute r = δ − v − a (p − H) and M1 on the free points.
+    """Prepare the first search direction: compute the residual r = δ − v − a (p − H) and M1 at the free points.
 
-    Returns Σ M1, the sum of the preconditioner applied to a vector of ones.
+    Returns the sum of M1 over the free points, where M1 is the preconditioner applied to a vector of ones.
     """
     set_scale(n_free, slope, state, dense, free, hardening_compliance, scale, weights)
     total_ones = preconditioned(n_free, ones, dense, free, scale, weights, rows, columns)
@@ -48,7 +47,7 @@ def restart(
 
 @fast_loop
 def set_scale(first, end, slope, state, dense, free, hardening_compliance, scale, weights):
-    """Compute compliance a and factor s of some free points, and copy s to `dense` for the computation of M1."""
+    """Compute the compliance a and the factor s of some free points, and write s to `dense`, where M1 begins."""
     for k in range(first, end):
         i = free[k]
         hardening_compliance[k] = 1.0 / value_at(slope, i) if state[i] == 3 else 0.0
@@ -73,7 +72,10 @@ def first_residual(
 
 @fast_loop
 def preconditioned(first, end, out, dense, free, scale, weights, rows, columns):
-    """Apply s M to `dense` at some free points, write the result to `out`, and return its sum."""
+    """Compute s M x at some free points for the grid values x in `dense`, and return the sum of the results.
+
+    The results are written to `out`.
+    """
     listed = free[first:end]
     scale = scale[first:end]
     out = out[first:end]
@@ -89,13 +91,14 @@ def preconditioned(first, end, out, dense, free, scale, weights, rows, columns):
 def next_direction(
     dense, free, r, w, d, ones, scale, weights, rows, columns, n_free, previous_wr, total_ones
 ):
-    """Compute the next direction d = w + β d with β = w·r / previous_wr, and copy it to `dense`.
+    """Compute the next search direction d = w + β d with β = w·r / previous_wr, and copy d to `dense`.
 
-    previous_wr : w·r of the previous direction; infinite if there is none.
+    The preconditioned residual w is M r minus a multiple of M1. The multiple is chosen such that Σ w = 0, so that the
+    steps do not change the load.
 
-    w is M r minus a multiple of M1 such that Σ w = 0, so that steps do not change the load.
+    previous_wr : product w·r of the previous direction; infinite if there is no previous direction.
 
-    Returns w·r. If it is not positive, no direction is computed.
+    Returns w·r. If w·r is not positive, no direction is computed.
     """
     total = preconditioned(n_free, w, dense, free, scale, weights, rows, columns)
     wr = remove_mean(n_free, total / total_ones, r, w, ones)
@@ -106,7 +109,7 @@ def next_direction(
 
 @fast_loop
 def remove_mean(first, end, factor, r, w, ones):
-    """Subtract `factor` times M1 from w at some free points, so that Σ w = 0; return their contribution to w·r."""
+    """Subtract `factor` times M1 from w at some free points, and return the contribution of these points to w·r."""
     r, w, ones = r[first:end], w[first:end], ones[first:end]
     wr = 0.0
     for k in range(end - first):
@@ -117,7 +120,7 @@ def remove_mean(first, end, factor, r, w, ones):
 
 @fast_loop
 def set_direction(first, end, beta, dense, free, w, d):
-    """Compute d = w + beta d at some free points, and copy it to `dense`."""
+    """Compute the search direction d = w + beta d at some free points, and copy d to `dense`."""
     free, w, d = free[first:end], w[first:end], d[first:end]
     for k in range(end - first):
         d[k] = w[k] + beta * d[k] if beta > 0.0 else w[k]
@@ -131,12 +134,11 @@ def step(
 ):  # fmt: skip
     """Perform a step of conjugate gradients: p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
 
-    kd : array (n1, >= n2), displacement under the pressure d for a half-space of unit modulus. Kd is `compliance` times
-        this displacement.
+    kd : array (n1, >= n2), displacement under the pressure d for a half-space of unit modulus.
+    compliance : factor 1/E* [1/Pa], by which `kd` is multiplied to obtain Kd.
+    wr : product w·r for this search direction d.
 
-    wr : w·r of the direction.
-
-    Returns d·Kd, d·d, and whether the step was performed, which requires d·(Kd + a d) > 0.
+    Returns d·Kd, d·d, and whether the step was performed. The step is performed if d·(Kd + a d) > 0.
     """
     list_response(n_near, kd, compliance, dense.size // kd.shape[0], near, response)
     curvature, squared_length, total_curvature = curvatures(
@@ -156,8 +158,8 @@ def step(
 def list_response(first, end, kd, compliance, columns, near, response):
     """Copy Kd at some points near contact from the grid to a list.
 
-    The rows of the grid have `columns` points; the rows of `kd` may be longer. Because the indices in the list
-    increase, the row of a point is found without a division.
+    The rows of the grid have `columns` points; the rows of `kd` may be longer. Because the grid indices in the list
+    `near` increase, the loop counts the rows that it has passed, which is faster than dividing each index by `columns`.
     """
     listed = near[first:end]
     out = response[first:end]
@@ -175,7 +177,7 @@ def list_response(first, end, kd, compliance, columns, near, response):
 
 @fast_loop
 def curvatures(first, end, place, d, hardening_compliance, response):
-    """Compute the contributions of some free points to d·Kd, d·d and d·(Kd + a d)."""
+    """Compute the parts of the sums d·Kd, d·d and d·(Kd + a d) that some free points contribute."""
     place, d, hardening_compliance = place[first:end], d[first:end], hardening_compliance[first:end]
     curvature = 0.0
     squared_length = 0.0
@@ -189,7 +191,7 @@ def curvatures(first, end, place, d, hardening_compliance, response):
 
 @fast_loop
 def advance(first, end, alpha, near_p, place, r, d, hardening_compliance, response):
-    """Update p and r of some free points, p += α d and r −= α (Kd + a d); return the sum of r."""
+    """Update the pressures and residuals of some free points: p += α d, r −= α (Kd + a d); return the sum of r."""
     place, r, d, hardening_compliance = (
         place[first:end],
         r[first:end],
@@ -207,7 +209,7 @@ def advance(first, end, alpha, near_p, place, r, d, hardening_compliance, respon
 
 @fast_loop
 def advance_gap(first, end, alpha, near_v, response):
-    """Update v += α Kd at some points near contact."""
+    """Add α Kd to v at some points near contact."""
     v, kd = near_v[first:end], response[first:end]
     for j in range(end - first):
         v[j] += alpha * kd[j]
@@ -215,9 +217,9 @@ def advance_gap(first, end, alpha, near_v, response):
 
 @fast_loop
 def spread_residual(first, end, mean, dense, free, r, scale):
-    """Subtract the mean from the residuals of some free points, and write the residuals times s to `dense`.
+    """Subtract the mean residual from the residuals r of some free points, and write s r to `dense`.
 
-    Without rounding errors, the mean of the residuals would be 0 after the first step.
+    After the first step of conjugate gradients, the mean residual would be 0 but for rounding errors.
     """
     free, r, scale = free[first:end], r[first:end], scale[first:end]
     for k in range(end - first):
@@ -227,7 +229,7 @@ def spread_residual(first, end, mean, dense, free, r, scale):
 
 @fast
 def apply_stencil(listed, dense, out, weights, rows, columns):
-    """Apply the 3 × 3 stencil to `dense` at the listed points, and write the result to `out`."""
+    """Apply the 3 × 3 stencil to the grid values `dense` at the listed points, and write the results to `out`."""
     n1 = rows.size - 2
     n2 = columns.size - 2
     for k in range(listed.size):

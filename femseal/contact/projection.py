@@ -1,16 +1,19 @@
 """Compile the loops of the contact solver that find the points near contact and project their pressure on the law.
 
-`active_sets` calls `list_near`, `evaluate` and `project` between two products with K. Their first arguments are arrays,
-and the last ones are values that change from call to call. The functions consist of loops over the points `first` to
-`end` − 1 of a list. For small grids each of the three functions is compiled as a whole. For large grids the functions
-run in Python and call compiled loops, whose parts are divided between threads.
+`active_sets` calls `list_near`, `evaluate` and `project` between two products with the compliance K of the half-space.
+The first arguments of these three functions are arrays, and the last arguments are values that change from call to
+call. A loop processes the points `first` to `end` − 1 of a list. For small grids, `list_near`, `evaluate` and `project`
+are each compiled as a single function. For large grids, they run in Python and call compiled loops, and several threads
+share the work of each loop.
 
 The state of a point is 0 out of contact (p = 0), 1 if it is elastic (0 < p < H), 2 if it is perfectly plastic (p = H),
 and 3 if it yields and hardens (p = H + h u, h > 0). Points with an odd state are free: their pressure is unknown.
 
 Arrays of several loops
 -----------------------
-p, v, state : pressure [Pa] (n,), v = Kp + h₁ [m] (n1, >= n2), and state (n,) of each point of the grid.
+p : pressure of each grid point [Pa], (n,).
+v : displacement plus undeformed gap of each grid point, v = Kp + h₁ [m], (n1, >= n2).
+state : state of each grid point, (n,).
 near : indices of the points near contact.
 near_p, near_v, trial : p, v and x = p − c v of the points near contact, in the order of `near`.
 free : indices of the free points.
@@ -52,14 +55,15 @@ def list_near(
 
     A point is near contact if it is in contact or if v is below the threshold `reach`.
 
-    factor, weight : on entry, v is the displacement of a half-space of unit modulus; `factor` is then the compliance,
-        and `weight` is 1. To list the points again without a change of v, `factor` is 1 and `weight` is 0.
+    factor, weight : factors of v and of h₁ − offset. If v is the displacement of a half-space of unit modulus, `factor`
+        is 1/E* and `weight` is 1. If v is already complete and only a new list is needed, `factor` is 1 and `weight`
+        is 0.
 
     Returns
     -------
     n_near : number of points near contact.
     n_free : number of free points.
-    energy : energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ½ Σ (p − H)²/h, where the last sum is over the points that harden.
+    energy : energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ½ Σ (p − H)²/h. The sum Σ includes only the points that harden.
     load : sum of p.
     total : sum of v over the points near contact.
     """
@@ -99,7 +103,7 @@ def list_near(
 
 
 class _PartLists(NamedTuple):
-    """Lists of points for one part of a grid; see the docstring of this module for the meaning of the lists."""
+    """Lists of points for one part of a grid; the docstring of this module explains each list."""
 
     near: Any
     near_p: Any
@@ -121,10 +125,9 @@ def list_near_in_parts(
 ):  # fmt: skip
     """Make the lists of `list_near` on several threads.
 
-    Each thread lists the points of some parts of the grid.
-
-    Only a few parts are processed at a time, so that their lists need little memory. All rows are listed: the argument
-    `_first` is only there because the arguments are those of `list_near`.
+    Each thread lists the points of some parts of the grid. Only a few parts of the grid are processed at a time, so
+    that their lists need little memory. The points of all rows are listed. The argument `_first` has no effect; this
+    function merely takes the same arguments as `list_near`.
     """
     columns = gap0.size // n_rows
     row_ranges = parts(n_rows, PART / columns)  # (first row, end) of each part
@@ -162,11 +165,12 @@ def list_near_in_parts(
 
 @exact_leader
 def evaluate(hardness, slope, state, near, near_p, near_v, trial, load, n_near, c, delta):
-    """Compute the approach δ, and the difference between the pressure and its projection on the law.
+    """Compute the approach δ, and the difference between the pressure and its projection on the contact law.
 
-    The projection of x + cδ, with x = p − c v, is y(δ). The approach follows from Σ y = load.
+    The trial pressure is x + cδ with x = p − c v, and y(δ) is its projection on the contact law. The approach δ follows
+    from Σ y(δ) = load.
 
-    Returns δ, whether the points near contact can carry the load, and the four results of `compare`.
+    Returns δ, whether the points near contact can carry the load, and the four values that `compare` returns.
     """
     find_trial(n_near, c, near_p, near_v, trial)
     delta, carried = find_approach(trial, n_near, hardness, slope, c, near, c, load, delta)
@@ -182,14 +186,14 @@ def find_trial(first, end, c, near_p, near_v, trial):
 
 @exact_loop
 def compare(first, end, c, delta, hardness, slope, state, near, near_p, trial):
-    """Compare the pressure of some points near contact with its projection y.
+    """Compare the pressures p of some points near contact with the projections y of their trial pressures.
 
     Returns
     -------
     squared_difference : ‖p − y‖².
     squared_projection : ‖y‖².
     n_changed : number of points whose state would change if p were set to y.
-    squared_change : ‖p − y‖² of these points.
+    squared_change : sum of (p − y)² over the points whose state would change.
     """
     listed = near[first:end]
     x = trial[first:end]
@@ -225,8 +229,9 @@ def value_at(values, i):
 def law_at(i, hardness, slope, c):
     """Return the hardness H [Pa] of point i, and the fraction t = h/(h + c).
 
-    Here h is the hardening modulus of the point, and c the length of the projection step [Pa/m]. Above the hardness,
-    the projected pressure increases by t times the increase of the trial pressure. Without hardening, t is 0.
+    In the formula, h is the hardening modulus [Pa/m] of the point, and c the length [Pa/m] of the projection step.
+    Above the hardness, the projected pressure increases by t times the increase of the trial pressure. Without
+    hardening, t is 0.
     """
     modulus = value_at(slope, i)
     fraction = modulus / (modulus + c) if modulus > 0.0 else 0.0
@@ -235,11 +240,11 @@ def law_at(i, hardness, slope, c):
 
 @exact
 def projected(z, h, t):
-    """Project a trial pressure z onto the pressures that the law allows.
+    """Project a trial pressure z onto the pressures that the contact law allows.
 
-    Return the projected pressure and the state of the point.
+    The projected pressure is 0 for z < 0, z for z between 0 and the hardness `h`, and h + t (z − h) for larger z.
 
-    The projection is 0 for z < 0, z for z between 0 and H, and H + t (z − H) above.
+    Returns the projected pressure and the state of the point.
     """
     y = min(max(z, 0.0), h)
     state = (y > 0.0) + (y >= h)  # without hardening: 0 out of contact, 1 elastic, 2 plastic
@@ -252,11 +257,16 @@ def projected(z, h, t):
 def find_approach(x, n, hardness, slope, c_law, listed, c, load, start):
     """Solve Σ y(x + cδ) = load for δ on a list of n points.
 
-    y(z) is the projection of z on the law, see `projected`, with t = h/(h + c_law). The sum is a monotone and piecewise
-    linear function of δ. The equation is solved by Newton's method within a bracket, beginning with `start`.
+    The pressure y(z) is the projection of the trial pressure z on the contact law, see `projected`. The sum of y is a
+    monotone and piecewise linear function of δ. Newton's method, which starts from `start` and is kept within a
+    bracket, solves the equation.
 
-    c, c_law : both are the length of the projection step, except where `project` adds a uniform pressure δ to the free
-        points: with c = 1 and c_law = 0, t is 1, and points that harden take up the whole increase.
+    c : factor of δ in the trial pressure.
+    c_law : value of c [Pa/m] in t = h/(h + c), the slope dy/dz of a point that hardens.
+
+    In a projection step, `c` and `c_law` are both equal to the length of this step. When `project` adds a uniform
+    pressure δ to the free points, c = 1 and c_law = 0. Then t = 1, so that the pressure of points that harden increases
+    by δ as well.
 
     Returns δ, and whether the points can carry the load.
     """
@@ -278,14 +288,15 @@ def _bounds(values: list[Any]) -> Any:
 
 @by_items(_bounds, **_EXACT)
 def capacity(first, end, x, hardness, slope, c_law, listed, load):
-    """Compute, for some points, the quantities from which `bracket_approach` finds bounds of the approach.
+    """Compute, for some points, the sums and maxima from which `bracket_approach` finds bounds of the approach δ.
 
     Returns
     -------
-    highest : largest x. If cδ < −highest, all pressures are 0.
-    full : largest value of min(H, load) − x. If cδ > full, each point carries its hardness or more than the whole load.
-    total : sum of H, which is the load of the points when each of them is at its hardness.
-    rise : sum of t. When all points harden, this is the derivative of the load with respect to cδ.
+    highest : largest trial pressure x at δ = 0. If cδ < −highest, all projected pressures are 0.
+    full : largest value of min(H, load) − x. If cδ > full, the pressure of each point is at least the smaller of its
+        hardness and the load, so that the points carry at least the load or are all at their hardness.
+    total : sum of the hardnesses H of the points: the load that they carry when the pressure of each point is H.
+    rise : sum of the slopes t of the points: the derivative of the load with respect to cδ when all points harden.
     """
     x, listed = x[first:end], listed[first:end]
     highest = -np.inf
@@ -308,7 +319,8 @@ def capacity(first, end, x, hardness, slope, c_law, listed, load):
 def bracket_approach(highest, full, capacity, rise, c, load, start):
     """Return a first guess of δ, a lower and an upper bound of δ, and whether the points can carry the load.
 
-    If the bounds are equal, δ is the solution. The first four arguments are the results of `capacity`.
+    If the lower and the upper bound are equal, they are the solution δ. The first four arguments are the values that
+    the function `capacity` returns.
     """
     if capacity <= load:
         if rise == 0.0:  # without hardening, all points are at their hardness
@@ -324,9 +336,10 @@ def bracket_approach(highest, full, capacity, rise, c, load, start):
 
 @exact
 def refine_approach(delta, low, top, total, slopes, c, load):
-    """Compute the next δ and its bounds from the sums of `total_pressure`.
+    """Perform a step of Newton's method for δ, and return the new δ with its lower and upper bound.
 
-    If the bounds are equal, δ is the solution.
+    The arguments `total` and `slopes` are the values that `total_pressure` returns. If the lower and the upper bound
+    are equal, they are the solution δ.
     """
     excess = total - load
     if abs(excess) <= 1e-14 * load:
@@ -347,9 +360,9 @@ def refine_approach(delta, low, top, total, slopes, c, load):
 def total_pressure(first, end, x, shift, hardness, slope, c_law, listed):
     """Compute Σ y(x + shift) over some points, and its derivative with respect to `shift`.
 
-    y is the projection of a trial pressure z: y = 0 for z < 0, y = z for z between 0 and the hardness H, and
-    y = H + t (z − H) above, where t depends on the hardening modulus. If no point hardens, the derivative is the number
-    of points with 0 < y < H.
+    The projection of a trial pressure z is y = 0 for z < 0, y = z for z between 0 and the hardness H, and
+    y = H + t (z − H) for larger z. The slope t depends on the hardening modulus, see `law_at`. If no point hardens, the
+    derivative of the sum is equal to the number of points with 0 < y < H.
 
     Parameters
     ----------
@@ -358,11 +371,11 @@ def total_pressure(first, end, x, shift, hardness, slope, c_law, listed):
     x : array
         Trial pressures of the points in the list [Pa].
     shift : float
-        Pressure that is added to all of them [Pa].
+        Pressure that is added to the trial pressures of all points [Pa].
     hardness, slope, c_law : arrays and float
-        Parameters of the law, see `law_at`.
+        Parameters of the contact law, see `law_at`.
     listed : array
-        Number of each point in the list among all points of the grid.
+        Grid index of each point in the list.
     """
     x, listed = x[first:end], listed[first:end]
     total = 0.0
@@ -393,11 +406,11 @@ def project(
     hardness, slope, p, state, dense, near, near_p, trial, free, response, load,
     n_near, n_free, c, delta, keep,
 ):  # fmt: skip
-    """Set pressure and state of each point near contact to the projection of x + cδ on the law.
+    """Project the trial pressure x + cδ of each point near contact on the law, and set its pressure and state.
 
-    With `keep`, points that remain free in the same state keep their pressure from the conjugate gradients. A uniform
-    pressure is then added to the free points, within their bounds, so that all points together carry the load. The
-    array `response` serves as a work array for the pressures of the free points.
+    If `keep` is True, a free point whose state does not change retains the pressure from the conjugate gradients.
+    Finally, the same pressure is added to all free points, within their bounds, so that all points together carry the
+    load. During this function, the array `response` holds the pressures of the free points.
 
     Returns the number of free points.
     """
@@ -426,7 +439,7 @@ def project(
 
 @exact_loop
 def clear(first, end, free, dense):
-    """Set `dense` to 0 at some points of the previous list of free points."""
+    """Set the grid array `dense` to 0 at some points of the previous list of free points."""
     for i in free[first:end]:
         dense[i] = 0.0
 
@@ -435,7 +448,7 @@ def clear(first, end, free, dense):
 def set_pressures(first, end, c, delta, keep, hardness, slope, p, state, near, near_p, trial):
     """Set pressure and state of some points near contact, see `project`.
 
-    Returns the number of free points, and the load that the other points carry.
+    Returns the number of free points among them, and the load that the points with a known pressure carry.
     """
     listed = near[first:end]
     x = trial[first:end]
@@ -464,9 +477,9 @@ def set_pressures(first, end, c, delta, keep, hardness, slope, p, state, near, n
 
 @exact
 def list_free(n_near, state, near, trial, free, pressure):
-    """List the free points among the points near contact.
+    """Write the free points among the points near contact to `free`, and their pressures to `pressure`.
 
-    Their pressures are those that `set_pressures` has stored in `trial`.
+    The pressures are copied from `trial`, where `set_pressures` has stored them.
     """
     k = 0
     for j in range(n_near):
@@ -479,7 +492,7 @@ def list_free(n_near, state, near, trial, free, pressure):
 
 @exact_loop
 def shift(first, end, c, uniform, hardness, slope, p, free, pressure):
-    """Add a uniform pressure to some free points, and limit the result to their bounds."""
+    """Add the same pressure to some free points, and limit the new pressures to their bounds."""
     for k in range(first, end):
         i = free[k]
         h, t = law_at(i, hardness, slope, c)
@@ -492,9 +505,10 @@ def gap_and_deformation(first, end, p, v, delta, c, hardness, slope, gap, deform
     """Compute gap, plastic deformation u and flags of plastic points in the rows `first` to `end` − 1.
 
     The plastic deformation u = (p − H − c g)/(s + c) follows from the projection of the trial pressure p − c g on the
-    law. H is the hardness, s the slope of the law, g = v − δ the gap before projection, v the displacement, δ the
-    approach, and c the projection's factor. For s = 0, u is −g. The error of this formula is small for all s, because u
-    follows from the pressure p if s is large, and from g if s is small.
+    law H + s u. Here H is the hardness, s the hardening modulus, c the length of the projection step, and g = v − δ the
+    raw gap, with the displacement plus undeformed gap v and the approach δ. For s = 0, p = H and the formula becomes
+    u = −g. The rounding error of u is small for small and for large s: the term p − H determines u if s is much larger
+    than c, and the term −c g determines u if s is much smaller than c.
     """
     columns = p.size // v.shape[0]
     for row in range(first, end):

@@ -43,12 +43,13 @@ _IN_PARTS: dict[str, Any] = {
 
 
 class Problem(NamedTuple):
-    """A contact problem on one grid.
+    """A contact problem on one grid, with a linear contact law.
 
     gap0 : array (n,), undeformed gap h₁ [m].
     offset : height [m] that is subtracted from h₁ and from the approach, to reduce rounding errors.
-    hardness, slope : arrays (1,) or (n,), hardness [Pa] and hardening modulus [Pa/m] of the linear law.
-    load : sum Σ p of the pressure [Pa].
+    hardness : hardness H [Pa], as an array of one value for all points (1,) or one for each point (n,).
+    slope : hardening modulus h [Pa/m], as an array of one value for all points (1,) or one for each point (n,).
+    load : required sum of the pressures of all points [Pa].
     """
 
     gap0: Array
@@ -59,11 +60,12 @@ class Problem(NamedTuple):
 
 
 def workspace(half_space: HalfSpace, finest: HalfSpace | None = None) -> Workspace:
-    """Make the workspace of a half-space.
+    """Make the arrays with which the contact solver works on the grid of a half-space.
 
-    Its arrays are kept for the next problem of this thread, unless the grid or the finest of the nested grids is large.
+    The arrays remain in memory for the next problem of this thread, unless the finest of the nested grids is large.
 
-    finest : half-space on the finest of the nested grids, if the grid is a coarser one.
+    half_space : half-space on the grid for which the arrays are made.
+    finest : half-space on the finest of the nested grids; by default `half_space`.
     """
     is_kept = prod((finest or half_space).shape) <= KEPT_POINTS
     # half-spaces that differ only in their modulus share their arrays
@@ -119,27 +121,28 @@ class WorkArrays:
 def _kept_arrays(unit: HalfSpace, threads: int, thread: int) -> WorkArrays:
     """Make the arrays of a grid; later calls by the same thread return the same arrays.
 
-    thread : identifier of the thread. It is part of the key of the cache, so that two threads never share arrays.
+    thread : identifier of the calling thread. Because the arrays are cached by this identifier, two threads never share
+        arrays.
     """
     return WorkArrays(unit, threads)
 
 
 class Workspace:
-    """A half-space with its pressure and all work arrays.
+    """A half-space, the contact pressure on its grid, and all work arrays of the contact solver.
 
     Attributes
     ----------
     pressure : array (n1, n2)
         Pressure [Pa], in the memory of `arrays.p`.
     is_kept : bool
-        Whether the arrays are kept for the next problem.
+        Whether the arrays remain in memory for the next problem.
     stiffness : float
         Stiffness c₀ [Pa/m], see `HalfSpace.stiffness`.
     weights : array (3, 3)
         Weights of the preconditioner M [Pa/m].
     compliance : float
-        Factor 1/E* [1/Pa] by which the products of `arrays` are multiplied, because they are computed for a unit
-        modulus.
+        Factor 1/E* [1/Pa]. The transforms in `arrays` give the displacement for a contact modulus of 1 Pa, which is
+        multiplied by this factor.
     """
 
     def __init__(self, half_space: HalfSpace, arrays: WorkArrays, is_kept: bool) -> None:
@@ -177,12 +180,12 @@ class Workspace:
         return self.compliance * self.arrays.search.displacement.ravel().astype(float)
 
     def release(self) -> None:
-        """Release the memory of the arrays, unless they are kept for the next problem."""
+        """Release the memory of the arrays, unless the next problem will use the same arrays."""
         if not self.is_kept:
             del self.arrays
 
     def loops(self, problem: Problem) -> Loops:
-        """Return the compiled loops with the arrays of this grid and the data of a problem as their first arguments."""
+        """Return the compiled loops, to which the arrays of this grid and the data of a problem are already passed."""
         arrays = self.arrays
         law = problem.hardness, problem.slope
         near = arrays.near, arrays.near_p, arrays.near_v
@@ -190,7 +193,7 @@ class Workspace:
         preconditioner = arrays.scale, self.weights, arrays.rows, arrays.columns
 
         def bind(name: str, *arguments: Any) -> Call:
-            """Pass the first arguments to a loop, in the order of its definition."""
+            """Return a compiled loop to which its first arguments, in this order, are already passed."""
             return partial(self._loops[name], *arguments)
 
         return Loops(
@@ -261,14 +264,15 @@ class Workspace:
 
 
 class Loops(NamedTuple):
-    """Compiled loops for one problem.
+    """Compiled loops for one contact problem.
 
-    The arrays have already been passed to the loops. Comments list the arguments that they still need.
+    The arrays of the grid and the data of the problem have already been passed to each loop as its first arguments. The
+    comment next to a loop lists its remaining arguments.
 
     respond : compute the displacement due to the pressure, for a half-space of unit modulus.
     search : compute the displacement due to a search direction, for a half-space of unit modulus.
 
-    The other loops are described in `projection` and `gradient_steps`.
+    The modules `projection` and `gradient_steps` describe `list_near` and the loops after it.
     """
 
     respond: Call  # no arguments
@@ -282,7 +286,12 @@ class Loops(NamedTuple):
 
 
 def _index_map(n: int, boundary: str) -> Indices:
-    """Map the indices −1 to n of an axis to points that have the same values; −1 beyond a free end."""
+    """Map the indices −1 to n along an axis of n points to indices of grid points.
+
+    The indices −1 and n lie beyond the ends of the axis. On a periodic or mirror axis, they are mapped to the grid
+    points that are their periodic or mirror images. On a free axis, where the pressure beyond the ends is 0, they are
+    mapped to −1.
+    """
     padding: dict[str, Any] = {
         "periodic": {"mode": "wrap"},
         "mirror": {"mode": "symmetric"},
@@ -292,7 +301,7 @@ def _index_map(n: int, boundary: str) -> Indices:
 
 
 def coarsened(values: Array) -> Array:
-    """Average values (n1, n2) over 2 × 2 points, after repeating the last row or column if their number is odd."""
+    """Average values (n1, n2) over 2 × 2 points. An odd number of rows or columns is first made even by a copy."""
     n1, n2 = values.shape
     if n1 % 2:
         values = np.concatenate((values, values[-1:]))
@@ -303,6 +312,6 @@ def coarsened(values: Array) -> Array:
 
 
 def refined(values: Array, shape: Shape) -> Array:
-    """Repeat each value on 2 × 2 points, to obtain values on the next finer grid of the given shape."""
+    """Copy each value to 2 × 2 points of the next finer grid, which has the given shape."""
     n1, n2 = shape
     return np.repeat(np.repeat(values, 2, axis=0), 2, axis=1)[:n1, :n2]
