@@ -1,4 +1,4 @@
-"""Describe elastic-plastic solids, and list ten metals of seals by name.
+"""Describe elastic-plastic solids, and list ten metals that are used for seals.
 
 Symbols: E Young's modulus, ν Poisson's ratio, E* contact modulus, σ_y yield stress, H hardness.
 """
@@ -18,11 +18,13 @@ HARDNESS_FACTOR = 2.8
 #: von Mises for ν = 0.3. Yielding begins at a depth of 0.7 times the half-width of the contact (Johnson 1985, section
 #: 6.1).
 LINE_CONTACT_YIELD = 1.79
-#: Ratio of mean pressure to yield stress at which a ring between two smooth flat faces yields as a whole. It is the
-#: plane-strain yield pressure of the criterion of von Mises, 2/√3; friction at the faces only raises it.
+#: Ratio of mean pressure to yield stress at which a ring between two smooth flat faces yields as a whole. The ratio
+#: 2/√3 is the yield pressure in plane strain by the criterion of von Mises; friction at the faces only raises the yield
+#: pressure.
 RING_YIELD = 2 / sqrt(3)
 #: Mean contact pressure of an indentation of 1 HV [Pa]. The Vickers hardness is the force divided by the area of the
-#: faces of the pyramid, 1 kgf/mm²; the contact pressure refers to the projected area, which is sin 68° = 0.9272 of it.
+#: faces of the pyramid, 1 kgf/mm²; the contact pressure refers to the projected area, which is sin 68° = 0.9272 of the
+#: area of the faces.
 VICKERS_PRESSURE = 9.80665e6 / 0.9272
 #: Range of the Young's moduli of metals and hard coatings [Pa].
 YOUNG_LIMITS = (5e9, 1.2e12)
@@ -32,7 +34,7 @@ YOUNG_LIMITS = (5e9, 1.2e12)
 class Solid:
     """Describe a linear elastic, perfectly plastic solid.
 
-    Without `yield_stress` and `hardness` the solid is purely elastic, and its hardness is infinite.
+    A solid without `yield_stress` and `hardness` is purely elastic and has an infinite hardness.
 
     Parameters
     ----------
@@ -41,12 +43,12 @@ class Solid:
     poisson : float
         Poisson's ratio ν [-], -1 < ν <= 0.5.
     yield_stress : float, optional
-        Yield stress σ_y [Pa]. The hardness is then `hardness_over_yield` times as large.
+        Yield stress σ_y [Pa], from which the hardness H = `hardness_over_yield` · σ_y is computed.
     hardness : float, optional
-        Hardness H [Pa], which is the largest contact pressure. It can be given instead of the yield stress.
+        Hardness H [Pa], which is the largest contact pressure. Either the hardness or the yield stress can be given.
     hardness_over_yield : float
-        Ratio H/σ_y > 0 with which the hardness follows from the yield stress, 2.8 by default. The value
-        that agrees best with von Mises plasticity depends on the roughness, see `docs/evidence/plastic_law.md`.
+        Ratio H/σ_y > 0 of hardness to yield stress, 2.8 by default. The ratio that agrees best with von Mises
+        plasticity depends on the roughness, see `docs/evidence/plastic_law.md`.
 
     Raises
     ------
@@ -102,10 +104,10 @@ class Coated:
     Parameters
     ----------
     substrate : Solid or None
-        Solid below the layer; it must be much thicker than the longest wave of the surface. None for a rigid substrate:
-        the body is then a plate of the material of the layer on a rigid bed.
+        Solid below the layer, which must be much thicker than the longest wavelength of the surface. None stands for a
+        rigid substrate: the body is a plate of the layer material on a rigid bed.
     layer : Solid
-        Solid of the layer, which forms the surface.
+        Material of the layer, which carries the rough surface.
     thickness : float
         Thickness d of the layer [m], > 0.
 
@@ -116,8 +118,8 @@ class Coated:
 
     Notes
     -----
-    The elastic constants of both solids determine the compliance, see `femseal.contact.layered`. Yielding is described
-    separately by a contact law, `CoatedLaw`.
+    The elastic constants of both solids determine the compliance, see `femseal.contact.layered`. The yielding of a
+    coated body is described by the contact law `CoatedLaw`.
 
     Examples
     --------
@@ -143,14 +145,15 @@ class Coated:
 def contact_modulus(a: Solid, b: Solid | None = None) -> float:
     """Compute the contact modulus E* of two half-spaces, 1/E* = (1−ν1²)/E1 + (1−ν2²)/E2.
 
-    Texts on lubrication often use E′ = 2E*; femseal always uses E*. Source: Johnson, Contact Mechanics, 1985, eq. 4.20.
+    In the literature on lubrication, E′ = 2E* is often used instead; femseal always uses E*. Source: Johnson, Contact
+    Mechanics, 1985, eq. 4.20.
 
     Parameters
     ----------
     a : Solid
         First solid.
     b : Solid, optional
-        Second solid; by default it is rigid.
+        Second solid; by default, the second body is rigid.
 
     Returns
     -------
@@ -165,8 +168,8 @@ def contact_modulus(a: Solid, b: Solid | None = None) -> float:
     """
     if isinstance(a, Coated) or isinstance(b, Coated):
         expected = (
-            "solids without a coating, because that of a coated body depends on the wave: give the two bodies in "
-            "place of the contact modulus, such as HalfSpace(shape, spacing, (a, b))"
+            "solids without a coating, because the contact modulus of a coated body depends on the wavelength: "
+            "instead of the contact modulus, give the two bodies, such as HalfSpace(shape, spacing, (a, b))"
         )
         raise InputError("contact_modulus", "a coated body", expected)
     compliance = (1 - a.poisson**2) / a.young
@@ -180,14 +183,14 @@ _CALLISTER = "Callister, Materials Science and Engineering"
 
 
 def _metal(young: float, poisson: float, yield_stress: float, vickers: float) -> Solid:
-    """Return a metal with its Vickers hardness [HV], a typical value of data sheets for the metal as delivered.
+    """Return the solid for a metal, with a hardness that is converted from the Vickers hardness [HV].
 
     Parameters
     ----------
-    young, poisson : Young's modulus [Pa] and Poisson's ratio.
-    yield_stress : yield stress of the metal as delivered [Pa].
-    vickers : Vickers hardness [HV]. That of an annealed metal is far above 2.8 times the yield stress, because the
-        metal hardens under the indenter, as it does under the asperities of a face.
+    young, poisson : Young's modulus [Pa] and Poisson's ratio. yield_stress : yield stress of the metal as delivered
+    [Pa]. vickers : typical Vickers hardness [HV] in data sheets of the metal as delivered. The hardness of an annealed
+    metal is far above 2.8 times its yield stress, because the metal work-hardens under the Vickers indenter. An
+    annealed metal work-hardens under the asperities of a seal face as well.
     """
     ratio = vickers * VICKERS_PRESSURE / yield_stress
     return Solid(young, poisson, yield_stress, hardness_over_yield=ratio)
@@ -236,7 +239,7 @@ METALS: dict[str, tuple[Solid, str]] = {
 def named_solid(name: str) -> Solid:
     """Return a metal of `METALS` by its name, in upper or lower case.
 
-    Its hardness is a typical Vickers hardness of the metal as delivered, as a contact pressure.
+    The hardness of the returned solid [Pa] is converted from a typical Vickers hardness of the metal as delivered.
 
     Parameters
     ----------
@@ -266,7 +269,7 @@ def named_solid(name: str) -> Solid:
 
 
 def _similar_names(text: str, names: list[str]) -> list[str]:
-    """Return the names that contain a text, or a number in it such as "316"; otherwise the most similar name."""
+    """Return the names that contain `text` or a number in `text`, such as "316"; otherwise the most similar name."""
     parts = [part for part in (text, *re.findall(r"\d{3,}", text)) if part]
     with_part = [name for name in names if any(part in name for part in parts)]
     return with_part or get_close_matches(text, names, n=1, cutoff=0.4)

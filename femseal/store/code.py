@@ -1,10 +1,10 @@
-"""Describe the user's own code by plain data, so that its digest changes when the code changes.
+"""Describe the user's own code by plain data, so that the digest of a function changes with its code.
 
-Two contact laws with the same name and parameters may compute different things if their code is different. Code of
-Python, femseal and installed packages is identified by its name and version. All other code is described by what Python
-executes: bytecode, constants, default values, and the values of the variables that it uses from enclosing functions and
-from its module. These values are described in the same way. If something cannot be described, `NoDigest` is raised. The
-store then neither reads nor writes the results.
+A contact law that the user has changed may have the same name and parameters as before, but different code. Code of
+Python, femseal and installed packages is identified by its name and version. All other code is described by its
+bytecode, its constants and its default values. The description also contains the values of the variables that the code
+uses from enclosing functions and from its module. If a value cannot be described, `NoDigest` is raised. Results that
+depend on such a value are neither read from the store nor written to the store.
 """
 
 from __future__ import annotations
@@ -58,23 +58,23 @@ _HOMES_OF_UFUNCS = ("numpy", "scipy.special")
 
 
 class NoDigest(TypeError):
-    """Report that a value cannot be described, so that it has no digest."""
+    """Report that a value cannot be described by plain data and therefore has no digest."""
 
 
 class CodeDescription:
-    """Describe the functions, classes and objects in the input of one digest.
+    """Describe the functions, classes and objects from which a digest is computed.
 
-    A function or class that has been described already is represented by a number, so that functions which call each
-    other can be described.
+    A function or class that has already been described is represented by a number. Without these numbers, the
+    description of two functions that call each other would never end.
     """
 
     def __init__(self) -> None:
         self._numbers: dict[int, int] = {}
-        # keeps the numbered objects alive, because another object could get the id of a deleted one
+        # Keeps a reference to each numbered object. Otherwise, a new object could get the id of a deleted object.
         self._numbered: list[Any] = []
 
     def __call__(self, value: Any) -> Any:
-        """Describe a value by a tuple of plain data and of other values, which the caller describes in turn.
+        """Describe a value by a tuple, whose members are plain data or values that the caller must describe.
 
         Raises
         ------
@@ -92,9 +92,10 @@ class CodeDescription:
 
 
 def is_known(module: str) -> bool:
-    """Return whether the code of a module is identified by its name and version.
+    """Return whether the name and the version of a module identify its code.
 
-    This is the case for modules of Python, femseal and installed packages, unless they are installed in editable mode.
+    Modules of Python, of femseal and of installed packages are identified by name and version. Packages that are
+    installed in editable mode are not.
     """
     return _origin(module) is not None
 
@@ -102,7 +103,8 @@ def is_known(module: str) -> bool:
 def _origin(module: str) -> str | None:
     """Return the version of the package that installed a module; None if the module was not installed.
 
-    For modules of Python and femseal it is "", because their versions are part of every key of a store anyway.
+    The returned version is "" for modules of Python and femseal, because the versions of Python and femseal are part of
+    every key of a store.
     """
     top = module.partition(".")[0]
     if top == _PACKAGE or top in sys.stdlib_module_names:
@@ -115,13 +117,13 @@ def _origin(module: str) -> str | None:
 
 @functools.cache
 def _installed_version(top: str) -> str | None:
-    """Return names and versions of the packages that install a top-level module; None if no package does."""
+    """Return the names and versions of the packages that contain a top-level module; None without such a package."""
     names = packages_distributions().get(top, [])
     return ", ".join(f"{name} {version(name)}" for name in sorted(names)) or None
 
 
 def _describe_object(value: Any) -> Any:
-    """Describe a value that is neither a class nor a function written in Python."""
+    """Describe an object that is neither a class nor a Python function."""
     if isinstance(value, types.CodeType):
         return _describe_bytecode(value)
     if isinstance(value, types.ModuleType):
@@ -144,7 +146,7 @@ def _describe_object(value: Any) -> Any:
         return type(value).__name__, *sorted(value, key=repr)
     if isinstance(
         value, tuple | list
-    ):  # of a subclass, because tuples and lists themselves are plain data
+    ):  # an instance of a subclass; tuples and lists themselves are plain data
         return "items", type(value), *value
     if isinstance(value, complex):
         return "complex", value.real, value.imag
@@ -163,7 +165,7 @@ def _describe_object(value: Any) -> Any:
 
 
 def _describe_c_function(function: Any) -> Any:
-    """Describe a function written in C by its name together with its class, or with its module if that is known."""
+    """Describe a function written in C by its name and its class, or by its name and its module."""
     name = getattr(function, "__name__", None)
     bound_to = getattr(function, "__self__", None)
     if isinstance(bound_to, type):  # a class method, such as dict.fromkeys
@@ -181,7 +183,7 @@ def _describe_c_function(function: Any) -> Any:
 
 
 def _describe_function(function: types.FunctionType) -> Any:
-    """Describe a function by its name if its module is known, and otherwise by its code and the values that it uses."""
+    """Describe a function by its name if its module is known, otherwise by its code and the values in the code."""
     name, module = function.__qualname__, function.__module__
     is_named = "<" not in name  # neither a lambda nor a function inside another
     if is_named and is_known(module):
@@ -192,7 +194,7 @@ def _describe_function(function: types.FunctionType) -> Any:
 
 
 def _describe_bytecode(code: types.CodeType) -> Any:
-    """Describe a code object. File and line numbers are left out, because they do not influence what it does."""
+    """Describe a code object, without file name and line numbers, which do not influence the results of the code."""
     numbers = [code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags]
     names = [code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars]
     return "bytecode", code.co_code, code.co_exceptiontable, numbers, names, code.co_consts
@@ -213,16 +215,17 @@ def _describe_class(kind: type) -> Any:
 
 
 def _is_generated_by_dataclass(value: Any) -> bool:
-    """Return whether a method was generated by `dataclass`, so that it follows from the fields."""
+    """Return whether a method was generated by `dataclass` and is therefore determined by the fields of the class."""
     method = getattr(value, "__wrapped__", value)
     code = getattr(method, "__code__", None)
     return code is not None and code.co_qualname.startswith("__create_fn__")
 
 
 def _state(value: Any) -> list[Any]:
-    """Return names and values of the fields of an object of a dataclass.
+    """Return the names and values of the fields of a dataclass object.
 
-    If the class is the user's own, other attributes are included, except for results that `cached_property` has stored.
+    For a class of the user, attributes that are not fields are returned as well, except for values stored by
+    `cached_property`.
     """
     kind = type(value)
     state = {field.name: getattr(value, field.name) for field in fields(value)}
@@ -235,10 +238,10 @@ def _state(value: Any) -> list[Any]:
 
 
 def _values_used(function: types.FunctionType) -> dict[str, Any]:
-    """Return the values that a function uses from enclosing functions and from its module, by name.
+    """Return the values, by name, that a function uses from enclosing functions and from its module.
 
-    If the function uses another module of the user, all attributes of this module that it may refer to are included.
-    Names without a value are left out, because the function would raise an error when it uses them.
+    If the function uses another module of the user, the attributes of this module that the function may use are
+    returned as well. Variables without a value are left out, because using such a variable raises an error anyway.
     """
     values = {}
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):

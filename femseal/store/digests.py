@@ -12,22 +12,22 @@ from .plain_data import describe
 
 
 def digest(value: Any) -> str:
-    """Compute a digest of a value. Different values have different digests.
+    """Compute a digest of a value, which differs for different values.
 
     Parameters
     ----------
-    value : plain data, see `femseal.store.plain_data`. The data may also contain paths of files, which are replaced by
-        the content of the files. Functions, classes and objects of users are replaced by a description of their code,
-        see `femseal.store.code`.
+    value : plain data (see `femseal.store.plain_data`), paths of files, functions, classes and objects of users, or
+    tuples, lists and dictionaries of such values. A path is represented by the content of the file. A function, class
+    or object of a user is represented by a description of its code, see `femseal.store.code`.
 
     Returns
     -------
-    Digest of 16 bytes as hexadecimal text.
+    The digest of 16 bytes as hexadecimal text.
 
     Raises
     ------
-    NoDigest : the value contains something else, for example an object whose class is written in C, or the path of a
-        file that cannot be read.
+    NoDigest : a part of the value cannot be described, for example an object whose class is written in C, or the path
+    of a file that cannot be read.
 
     Examples
     --------
@@ -39,7 +39,7 @@ def digest(value: Any) -> str:
     describe_code = CodeDescription()
 
     def append(data: bytes) -> int:
-        """Add bytes to the digest, and return the position at which they begin."""
+        """Add bytes to the digest, and return the position of the first added byte."""
         nonlocal size
         start = size
         state.update(data)
@@ -47,7 +47,7 @@ def digest(value: Any) -> str:
         return start
 
     def substitute(part: Any) -> Any:
-        """Describe a value that is not plain data."""
+        """Describe a part of the value that is not plain data."""
         if isinstance(part, Path):
             return "file", _digest_of_file(part)
         return describe_code(part)
@@ -61,7 +61,7 @@ def digest(value: Any) -> str:
 
 
 def _digest_of_file(path: Path) -> bytes:
-    """Return the SHA-256 digest of the content of a file; raise NoDigest if it cannot be read."""
+    """Return the SHA-256 digest of the content of a file; raise NoDigest if the file cannot be read."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").digest()

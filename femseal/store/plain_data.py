@@ -3,9 +3,10 @@
 Plain data are None, numbers, texts, bytes and arrays of numbers, and also tuples, lists, dictionaries and dataclasses
 of femseal that contain plain data.
 
-The bytes consist of the length of a JSON text, this text, and the content of all arrays. The text describes the
-structure of the data. It describes an array by its data type, its shape, its order in memory and the position at which
-its content begins. Reading calls no constructor and imports no module, so that a manipulated file cannot run code.
+Plain data are converted to a sequence of three parts: the length of a JSON text, the JSON text, and the content of all
+arrays. The JSON text describes how the data are nested. An array is described in the JSON text by its data type, its
+shape, its order in memory and the position of its content. Reading plain data calls no constructor and imports no
+module, so that a manipulated file cannot run code.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _NUMBERS = "biufc"
 #: Number of bytes for the length of the JSON text.
 _LENGTH_BYTES = 8
 _PACKAGE = __name__.partition(".")[0]
-#: Exceptions that damaged bytes can cause, besides ValueError.
+#: Exceptions, in addition to ValueError, that damaged bytes can cause when they are read.
 _ERRORS_OF_DAMAGE = (
     TypeError,
     LookupError,
@@ -45,7 +46,7 @@ def packed(value: Any) -> bytes:
     content = bytearray()
 
     def append(data: bytes) -> int:
-        """Append bytes to the content, and return the position at which they begin."""
+        """Append bytes to the content, and return the position of the first appended byte."""
         start = len(content)
         content.extend(data)
         return start
@@ -56,7 +57,7 @@ def packed(value: Any) -> bytes:
 
 
 def unpacked(data: bytes | memoryview) -> Any:
-    """Restore a value from the bytes that `packed` returned. Its arrays are copies.
+    """Restore a value from the bytes that `packed` returned. Arrays in the value are copies.
 
     Raises
     ------
@@ -75,21 +76,20 @@ def unpacked(data: bytes | memoryview) -> Any:
 def describe(
     value: Any, append: Callable[[bytes], int], substitute: Callable[[Any], Any] | None = None
 ) -> Any:
-    """Describe a value by nested lists, numbers and texts, which can be written as JSON.
+    """Describe a value by nested lists of numbers and texts, which can be written as JSON.
 
-    Numbers, texts and None stand for themselves. All other values are described by a list: the name of their type,
-    followed by the descriptions of their members.
+    Numbers, texts and None are their own descriptions. The description of any other value is a list, which contains the
+    name of its type and the descriptions of its members.
 
     Parameters
     ----------
-    value : the value.
-    append : function that stores the bytes of an array, and returns the position at which they begin.
-    substitute : function that returns plain data for a value that is not plain data. By default such a value is an
-    error.
+    value : the value to be described. append : function that stores the bytes of an array, and returns the position of
+    the first byte. substitute : function that returns plain data for a value that is not plain data. Without this
+    function, values that are not plain data raise a TypeError.
 
     Raises
     ------
-    TypeError : the value contains something that is not plain data, and there is no `substitute`.
+    TypeError : a part of the value is not plain data, and the argument `substitute` is None.
     """
 
     def describe_member(member: Any) -> Any:
@@ -108,7 +108,7 @@ def describe(
     if isinstance(value, np.generic) and value.dtype.kind in _NUMBERS:
         return ["number", value.dtype.str, append(value.tobytes())]
     if isinstance(value, np.ndarray) and value.dtype.kind in _NUMBERS:
-        # the order in memory is kept, because the rounding errors of a sum over an array depend on it
+        # the order in memory is preserved, because the rounding errors of a sum over an array depend on this order
         order: Literal["C", "F"] = "F" if value.flags.fnc else "C"
         return ["array", value.dtype.str, list(value.shape), order, append(value.tobytes(order))]
     if is_dataclass(kind) and _is_ours(kind.__module__):
@@ -155,9 +155,10 @@ def _array_in(content: memoryview, dtype: str, shape: Any, order: Any, start: in
 
 
 def _dataclass(name: str, values: list[Any]) -> Any:
-    """Make an object of a dataclass of femseal with the given values of its fields, without calling its constructor.
+    """Make an object of a femseal dataclass from the values of its fields, without calling the constructor.
 
-    name : module and name of the class. The module must be imported already.
+    name : dotted path of the class, such as "femseal.materials.Solid". The module of the class must already have been
+    imported.
     """
     module, _, title = name.rpartition(".")
     kind = vars(sys.modules[module]).get(title) if _is_ours(module) else None

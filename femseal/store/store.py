@@ -1,12 +1,13 @@
-"""Store results of stages in a folder. The key of a result is a digest of function, input and versions.
+"""Store the results of stages in a folder.
 
-Each process appends its results to a separate file, so that several processes can share a folder without locks. A
-record consists of its size, its key, a checksum and the packed data. If the process is killed while it writes a record,
-only this record is lost. Records only contain plain data. Somebody who manipulates a file can therefore falsify
-results, but cannot run code or access other folders.
+The key of a result is a digest of the function of the stage, its input, and the versions of the packages. Each process
+appends its results to a separate file, so that several processes can share a folder without locks. A record in a file
+consists of its size, its key, a checksum and the packed data. If the process is killed while a record is being written,
+only this record is lost. Records contain nothing but plain data. A manipulated file can therefore contain wrong
+results, but reading the file cannot run code or access other folders.
 
-No library was found suitable: an HDF5 file becomes unreadable if the process is killed while it writes, SQLite is
-limited to records of 1 GB, and joblib reads pickles, which can run code.
+Existing libraries are less suitable. An HDF5 file becomes unreadable if the process is killed while writing. SQLite is
+limited to records of 1 GB. joblib reads pickles, which can run code.
 """
 
 from __future__ import annotations
@@ -34,14 +35,14 @@ from .plain_data import packed, unpacked
 log = logging.getLogger("femseal.store")
 #: Suffix of the files with results.
 SUFFIX = ".results"
-#: Header of a record: size of the whole record [byte], key, checksum of key and data.
+#: Layout of the header of a record: size of the whole record [byte], key, checksum of key and data.
 _HEAD = Struct("<Q16s16s")
 
 Item = tuple[Any, ...]
 
 
 class _Record(NamedTuple):
-    """Hold the file of a record, the position of its first byte in this file, and its size [byte]."""
+    """Hold where a record is stored: the file, the position of the first byte, and the size [byte]."""
 
     path: Path
     start: int
@@ -51,8 +52,8 @@ class _Record(NamedTuple):
 class _Pending(NamedTuple):
     """Hold an item whose result has not been yielded yet.
 
-    key : key of the result.
-    item : the item if its result is stored already; None if the mapper computes the result.
+    key : key of the result. item : the item if its result is in the store; None if the mapper computes the result of
+    the item.
     """
 
     key: bytes
@@ -60,12 +61,15 @@ class _Pending(NamedTuple):
 
 
 class Store:
-    """Store results of stages in a folder. As a context manager, the store closes its files at the end.
+    """Store the results of stages in a folder.
+
+    If the store is used as a context manager, its files are closed at the end of the `with` block.
 
     Parameters
     ----------
-    folder : folder of the results; it is created when the first result is written.
-    required : whether it is an error if a result cannot be written. If it is not, the store stops writing.
+    folder : folder of the results, which is created when the first result is written. required : what happens if a
+    result cannot be written. If True, an error is raised. If False, a warning is logged, and later results are not
+    written.
     """
 
     def __init__(self, folder: Path, *, required: bool = True) -> None:
@@ -88,23 +92,26 @@ class Store:
         self._files.close()
 
     def __len__(self) -> int:
-        """Return the number of results that are known to be in the folder."""
+        """Return the number of results that were found in the folder or written to the folder so far."""
         return len(self._records)
 
     def look(self) -> None:
         """Search the folder for results that other processes have written."""
         with suppress(OSError):
             paths = self.folder.glob(f"*{SUFFIX}")
-            # newer files are indexed later, because their results replace damaged ones
+            # newer files are indexed after older files, because a newer result with the same key replaces a damaged
+            # result
             for path in sorted(paths, key=lambda path: path.lstat().st_mtime_ns):
                 self._index(path)
 
     def keys(self, stage: Stage) -> Callable[[Item], bytes]:
-        """Return a function that computes the key of an item of a stage. The key of an item without a digest is empty.
+        """Return a function that computes the key of an item of a stage.
+
+        If no digest can be computed for an item, the key of the item is empty.
 
         Raises
         ------
-        NoDigest : the function of the stage has no digest.
+        NoDigest : no digest can be computed for the function of the stage.
         """
         return partial(_key, digest((numerical_versions(), stage.key or stage.function)))
 
@@ -115,8 +122,9 @@ class Store:
     def _map(self, mapper: Mapper, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
         """Yield the results of a stage in the order of its items.
 
-        `mapper` only receives the items that must be computed, and may take many of them in advance. Therefore all
-        items pass through the queue `pending`, from which the stored and the computed results are yielded in order.
+        Only items without a stored result are passed to `mapper`. A mapper may request many items before it yields the
+        result of the first item. To yield all results in order, the method keeps all requested items in the queue
+        `pending`.
         """
         try:
             key_of = self.keys(stage)
@@ -139,11 +147,10 @@ class Store:
     def _items_to_compute(
         self, items: Iterable[Item], key_of: Callable[[Item], bytes], pending: deque[_Pending]
     ) -> Iterator[Item]:
-        """Yield the items whose results must be computed.
+        """Yield the items without a stored result, whose results must be computed.
 
-        items : all items of the stage.
-        key_of : returns the key of an item.
-        pending : receives each item when it is taken, whether its result must be computed or not.
+        items : all items of the stage. key_of : function that returns the key of an item. pending : queue to which
+        every item is appended, with or without a stored result.
         """
         submitted: set[bytes] = set()  # keys of the results that are being computed
         for item in items:
@@ -158,13 +165,13 @@ class Store:
             yield item
 
     def _stored_results(self, stage: Stage, pending: deque[_Pending]) -> Iterator[Any]:
-        """Take the items with stored results from the front of the queue, and yield their results."""
+        """Remove the items with stored results from the front of the queue, and yield the stored results."""
         while pending and pending[0].item is not None:
             stored = pending.popleft()
             yield self._read(stored.key, stage, stored.item or ())
 
     def _index(self, path: Path) -> None:
-        """Index the records that were added to a file since it was last indexed. The last record may be incomplete."""
+        """Index the records that were added to a file since the last call. Skip an incomplete record at the end."""
         start = self._indexed.get(path, 0)
         end = path.lstat().st_size
         if start + _HEAD.size > end:
@@ -180,7 +187,7 @@ class Store:
         self._indexed[path] = start
 
     def _read(self, key: bytes, stage: Stage, item: Item) -> Any:
-        """Read a stored result. If it is damaged, compute it again."""
+        """Read a stored result. If the stored result is damaged, compute the item again."""
         if key in self._records:
             try:
                 return self._stored_data(key)
@@ -204,11 +211,13 @@ class Store:
         return unpacked(data)
 
     def _write(self, key: bytes, result: Any) -> None:
-        """Write a result, provided that it has a key and is plain data.
+        """Write a result to the file of this process.
+
+        Results without a key, and results that are not plain data, are not written.
 
         Raises
         ------
-        NotKept : the result cannot be written. Results that were written before remain.
+        NotKept : the result cannot be written. All earlier results remain in the folder.
         """
         if not key or self._is_full:
             return
@@ -225,7 +234,7 @@ class Store:
             log.warning("results are not kept any more: %s", error)
 
     def _append(self, *parts: bytes) -> _Record:
-        """Append a record to the file of this process. If an error occurs, the file is left as it was before."""
+        """Append a record to the results file of this process. After an error, the file is the same as before."""
         if self._file is None:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._file = self._files.enter_context(self._path.open("xb", buffering=0))
@@ -245,7 +254,7 @@ class Store:
         return _Record(self._path, start, file.tell() - start)
 
     def _not_kept(self, error: OSError) -> NotKept:
-        """Make the error for a result that could not be written; its message says how to continue."""
+        """Return the error for a result that could not be written, with a message that says how to continue."""
         is_full = error.errno in (errno.ENOSPC, errno.EDQUOT)
         remedy = "make room" if is_full else "fix the cause"
         return NotKept(
@@ -255,14 +264,14 @@ class Store:
 
 
 def _key(stage_digest: str, item: Item) -> bytes:
-    """Compute the key of an item of a stage; it is empty if the item has no digest."""
+    """Compute the key of an item of a stage; the key is empty if no digest can be computed for the item."""
     with suppress(NoDigest):
         return bytes.fromhex(digest((stage_digest, item)))
     return b""
 
 
 def _head(key: bytes, data: bytes | memoryview) -> bytes:
-    """Make the header of a record: its size, its key, and a checksum of key and data."""
+    """Return the header of a record: the size of the record, its key, and a checksum of key and data."""
     checksum = hashlib.blake2b(key, digest_size=16)
     checksum.update(data)
     return _HEAD.pack(_HEAD.size + len(data), key, checksum.digest())

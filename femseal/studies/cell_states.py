@@ -1,4 +1,4 @@
-"""Solve the contact of a surface at tabulated pressures, and the flow through its cells and its measured patches."""
+"""Solve the contact of a surface at tabulated pressures, and the flow through its cells and measured patches."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from ..scene import Scene
 from ..topography.patches import split_patches
 from .cells_in_order import cells_in_order, cells_permeability_along_x2
 
-#: Smallest number of measured patches for which the leakage of all patches but one is computed.
+#: Smallest number of measured patches for which the leakage without one of the patches is computed.
 FEWEST = 3
 #: Spacing of the cube roots of tabulated pressures, as a fraction of the cube root of the highest one. ln k is nearly a
 #: linear function of the cube root of the pressure. Four surfaces were solved under pressure maps of ± 40 % and with
@@ -44,22 +44,26 @@ _UNLOADING_FRACTIONS = (0.8, 0.6, 0.4, 0.25, 0.12, 0.04, 0.0)
 #: number of peaks. On the same surfaces, the error of the leakage on unloading was below 0.7 % for peaks at which the
 #: seal is open. For peaks near closing it was 1.2 % in the median and at most 15 %, whatever the number of peaks.
 _PEAK_SPACING, _MOST_PEAKS = 1 / 12, 6
-#: Smallest relative distance of a tabulated pressure from a peak, and from the lowest and highest pressure. The slope
-#: between states that are closer to each other would be dominated by their errors.
+#: Smallest relative distance of a tabulated pressure from a peak pressure, and from the lowest and the highest
+#: pressure. Between states that are closer to each other, the slope would be dominated by numerical errors.
 _NEAR = 0.02
-#: Relative distance from a peak at which the lowest or highest pressure needs no state of its own.
+#: If the lowest or the highest pressure is within this relative distance of a peak pressure, no additional state is
+#: computed.
 _SAME = 1e-3
 
 
 @dataclass(frozen=True, repr=False)
 class PatchLeakage(Shown):
-    """Hold the leakage of each measured patch alone, and with one patch left out; it is NaN where the flow failed.
+    """Hold the leakage of each measured patch, and the leakage of all patches but one.
+
+    The leakage is NaN where the flow solver failed.
 
     Parameters
     ----------
     selections : array (patches, steps) or (2 × patches, steps), m²/s
-        The first rows contain the leakage of each patch alone, continued periodically. With at least three patches, as
-        many rows follow. In each of these rows, another patch is left out, and the remaining patches lie side by side.
+        Leakage of selections of patches. The first rows belong to single patches, which are continued periodically.
+        With at least three patches, the second half of the rows belongs to selections of all patches but one, side by
+        side.
     """
 
     selections: Array = field(metadata={"unit": "m^2/s"})
@@ -88,21 +92,22 @@ class PatchLeakage(Shown):
 
     @property
     def alone(self) -> Array:
-        """Leakage of each patch alone (patches, steps) [m²/s]."""
+        """Leakage of a surface that consists of a single patch, for each patch (patches, steps) [m²/s]."""
         return self.selections if self.without is None else self.selections[: len(self.without)]
 
     @property
     def without(self) -> Array | None:
-        """Leakage with one patch left out, in turn (patches, steps) [m²/s]; None for two patches."""
-        # With fewer than three patches there are no such rows, and half of the rows are fewer than `FEWEST`.
+        """Leakage of all patches but one, for each omitted patch (patches, steps) [m²/s]; None for two patches."""
+        # With two patches, `selections` has two rows, and half of the rows is fewer than `FEWEST`.
         patches = len(self.selections) // 2
         return self.selections[patches:] if patches >= FEWEST else None
 
     @property
     def relative(self) -> Array:
-        """Ratio of the leakage of each patch to the mean of all patches (patches,).
+        """Ratio of the leakage of each patch to the mean leakage of all patches (patches,).
 
-        The ratio is averaged over the loads at which the leakage is not negligible. It is 0 if no patch leaks.
+        The ratio of a patch is its average over the loads at which the mean leakage is not negligible. If no patch
+        leaks, all ratios are 0.
         """
         mean = self.alone.mean(axis=0)
         is_counted = mean > least_counted(mean)
@@ -111,7 +116,10 @@ class PatchLeakage(Shown):
 
     @property
     def scatter(self) -> Array:
-        """Standard deviation of the leakage of single patches over its mean (steps,); NaN where none leaks."""
+        """Standard deviation of the leakage of single patches, divided by their mean leakage (steps,).
+
+        The scatter is NaN at load steps at which no patch leaks.
+        """
         mean = self.alone.mean(axis=0)
         return np.divide(
             self.alone.std(axis=0, ddof=1), mean, out=np.full(mean.shape, np.nan), where=mean > 0
@@ -121,9 +129,9 @@ class PatchLeakage(Shown):
 def permeabilities_of_patches(
     widths: tuple[int, ...], spacing: Pair, settings: FlowSettings, gap: Floats
 ) -> Array:
-    """Compute the permeability of each measured patch alone, and with one patch left out in turn.
+    """Compute the permeability of each measured patch, and of all patches but one.
 
-    The leakages in `PatchLeakage` are computed from these permeabilities.
+    The leakages in `PatchLeakage` are computed from the returned permeabilities.
 
     Parameters
     ----------
@@ -139,8 +147,8 @@ def permeabilities_of_patches(
     Returns
     -------
     array (patches,) or (2 × patches,), m³
-        Permeability of each patch alone. With at least three patches, as many values follow, for which one patch is
-        left out in turn. Values are NaN where the flow failed.
+        Permeability of each single patch. With at least three patches, the second half of the array contains the
+        permeabilities of all patches but one. A permeability is NaN if the flow solver failed.
     """
     patches = split_patches(gap, widths)
     selections = [[patch] for patch in patches]
@@ -157,7 +165,7 @@ def permeabilities_of_patches(
 
 @dataclass(frozen=True, eq=False)
 class FaceCells:
-    """Hold the fields of the cells of a surface at every step of a load programme; NaN where a flow failed.
+    """Hold the fields of the cells of a surface at every step of a load programme; NaN where a flow solver failed.
 
     Parameters
     ----------
@@ -177,21 +185,21 @@ class FaceCells:
         Contact pressure [Pa], gap [m], contact fraction and fraction of points at the hardness, averaged over each
         cell.
     drop_fraction : array (steps, m1, m2)
-        Fraction of the dissipation in each cell; NaN where nothing flows.
+        Dissipation in each cell divided by the dissipation in the surface; NaN at steps without flow.
     surface_leakage : array (steps,), m²/s
         Leakage of the surface at full resolution.
     cells_leakage : array (steps,), m²/s
         Leakage of the grid of cells, in their order on the surface.
     carriers : array (steps,)
-        Effective number of blocks of one short wave that carry the flow through the surface, see
-        `participation_number`; NaN where nothing flows.
+        Effective number of blocks that carry the flow through the surface, see `participation_number`; NaN at steps
+        without flow. The side of a block is the wavelength of a short wave of the surface.
     surface_k2, cells_k2 : array (steps,), m³
-        Permeability along x2 of the whole surface and of the grid of cells, averaged over the measured patches. They
-        are only computed if cells are put together at random, and NaN otherwise.
+        Permeability along x2 of the whole surface (`surface_k2`) and of the grid of cells (`cells_k2`), averaged over
+        the measured patches. Both permeabilities are only needed if tiles take random cells; otherwise they are NaN.
     failures : tuple of str
-        One line for each flow that failed.
+        One line for each failure of a flow solver.
     unsolved : tuple of (int, str)
-        Index of each step whose leakage could not be computed, and the reason.
+        Index of each load step whose leakage could not be computed, and the reason.
     """
 
     steps: LoadProgramme
@@ -264,12 +272,12 @@ class FaceCells:
 
     @property
     def factor(self) -> Array:
-        """Correction factor of k1 in every state (steps,), see `correction_factors`."""
+        """Correction factor of k1 in each contact state (steps,), see `correction_factors`."""
         return correction_factors(self.surface_leakage, self.cells_leakage, self.steps)
 
     @property
     def factor_k2(self) -> Array:
-        """Correction factor of k2 in every state (steps,); 1 where the flow along x2 was not solved."""
+        """Correction factor of k2 in each contact state (steps,); 1 where the flow along x2 was not solved."""
         return correction_factors(self.surface_k2, self.cells_k2, self.steps)
 
     @property
@@ -286,7 +294,7 @@ def solve_cells_at_pressures(
     mapper: Mapper,
     boundary: tuple[str, str] = ("periodic", "periodic"),
 ) -> FaceCells:
-    """Solve the contact at tabulated nominal pressures, without fluid, and the flow through the cells of each state.
+    """Solve the contact without fluid at tabulated nominal pressures, and the flow through the cells in each state.
 
     Parameters
     ----------
@@ -302,7 +310,7 @@ def solve_cells_at_pressures(
         Continuation of the surface along x1 and x2 in the contact, see `HalfSpace`.
     """
     dry = scene.dry(boundary=boundary)
-    # in every study, the flow along x1 is periodic along x2
+    # in all studies, the flow along x1 is solved with periodic boundaries along x2
     flow_boundary = "periodic" if boundary[0] == "periodic" else "free", "periodic"
     cell_flow = replace(scene.flow, spiral=None)  # spiral grooves belong to the seal, not to cells
     take = partial(
@@ -362,9 +370,10 @@ def join_states(
     states: Sequence[CellState],
     boundary: tuple[str, str] = ("free", "periodic"),
 ) -> FaceCells:
-    """Join the cells of all states, and solve the flow through the grid of cells in each state.
+    """Collect the cells of all contact states, and solve the flow through the grid of cells in each contact state.
 
-    The flow along x2 is only solved in states in which the permeability of the whole surface along x2 is known.
+    The flow along x2 is only solved in contact states for which the permeability of the whole surface along x2 has been
+    computed.
 
     Parameters
     ----------
@@ -373,9 +382,9 @@ def join_states(
     cut : Cut
         Division of the surface into cells.
     steps : LoadProgramme
-        Load steps of the states.
+        Load steps of the contact states.
     states : sequence of CellState
-        Cells in the contact state of each step.
+        Cells of the surface in the contact state of each load step.
     boundary : tuple of two str
         Continuation of the surface along x1 and x2 in the flow.
     """
@@ -426,29 +435,32 @@ def join_states(
 def choose_tabulated_pressures(
     paths: Array, steps: LoadProgramme, elastic: bool, spacing_factor: int = 1
 ) -> LoadProgramme:
-    """Choose the tabulated pressures at which the cells are solved and between which they are interpolated.
+    """Choose the tabulated pressures at which the contact of the cells is solved.
 
-    On loading, the pressures range from the lowest to the highest pressure of the paths, and their cube roots are
-    evenly spaced. The pressure from which a path is unloaded is its peak. Only a few of the peaks are used. They are
-    added to the pressures on loading, and the cells are unloaded from each of them.
+    Between the tabulated pressures, the permeabilities of the cells are interpolated. The tabulated pressures on
+    loading range from the lowest to the highest pressure of all pressure paths, and their cube roots are evenly spaced.
+    The peak pressure of a path is the pressure from which the path is unloaded. If the paths have many peak pressures,
+    a few representative peak pressures are chosen. The chosen peak pressures are tabulated on loading as well, and
+    unloading is tabulated from each of them.
 
     Parameters
     ----------
     paths : array (steps, paths), Pa
-        Pressures of the paths.
+        Contact pressure on each pressure path at every load step.
     steps : LoadProgramme
-        Load programme of the paths.
+        Load programme of the pressure paths.
     elastic : bool
-        True if nothing yields, so that unloading is the same as loading.
+        True if nothing yields, so that the contact states on unloading are the same as on loading.
     spacing_factor : int
-        Factor by which the usual spacing of tabulated pressures and peaks is multiplied.
+        Factor by which the default spacing of tabulated pressures and peak pressures is multiplied.
     """
     peak = local_peaks(paths, steps)  # (step, path)
     unloads = (paths < peak) & (not elastic)
     highest = float(paths.max())
     lowest = max(float(paths.min()), 0.0)
     peaks = _choose_peaks(peak[unloads], spacing_factor)
-    # pressures that must be solved on loading: the peaks and, unless a peak is close to them, both ends of the range
+    # pressures that must be solved on loading: the peak pressures, and the lowest and the highest pressure unless a
+    # peak pressure is close
     required = np.array(peaks)
     for end in (lowest, highest):
         if (np.abs(end - required) > _SAME * required).all():
@@ -459,7 +471,7 @@ def choose_tabulated_pressures(
     even = highest * np.linspace(first_root, 1.0, count)[:-1, None] ** 3  # (pressure, 1)
     is_apart = (np.abs(even - required) > _NEAR * required).all(axis=1)
     loading = np.union1d(even[is_apart], required).tolist()
-    # on unloading, down to the first fraction that is not above the deepest unloading of a path
+    # on unloading, the fractions end with the first fraction that is not above the deepest unloading of a path
     deepest = (paths[unloads] / peak[unloads]).min(initial=1.0)
     above_deepest = sum(fraction > deepest for fraction in _UNLOADING_FRACTIONS)
     fractions = _UNLOADING_FRACTIONS[: above_deepest + 1]
@@ -468,8 +480,11 @@ def choose_tabulated_pressures(
 
 
 def _choose_peaks(peaks: Array, spacing_factor: int) -> list[float]:
-    """Choose a few of many peaks whose cube roots are about evenly spaced; return them in increasing order."""
-    # leave out peaks that are almost equal to a higher peak
+    """Choose a few of many peak pressures, so that their cube roots are about evenly spaced.
+
+    The chosen peak pressures are returned in increasing order.
+    """
+    # leave out peak pressures that are almost equal to a higher peak pressure
     distinct: list[float] = []
     for peak in np.unique(peaks)[::-1].tolist():  # from the highest to the lowest
         if not distinct or peak * (1 + _NEAR) < distinct[-1]:
@@ -486,22 +501,23 @@ def _choose_peaks(peaks: Array, spacing_factor: int) -> list[float]:
 
 
 def interpolate_along_paths(cells: FaceCells, paths: Array, steps: LoadProgramme) -> Array:
-    """Interpolate the corrected permeability of every cell at the pressures of every pressure path.
+    """Interpolate the permeability of every cell along every pressure path, with the correction factors.
 
-    A pressure path contains the pressure of a tile at each load step.
+    A pressure path is the sequence of the pressures of a tile at all load steps.
 
     Parameters
     ----------
     cells : FaceCells
-        Cells at tabulated pressures.
+        Cells whose permeabilities are known at tabulated pressures.
     paths : array (steps, paths), Pa
-        Pressure paths.
+        Contact pressures along the pressure paths.
     steps : LoadProgramme
-        Load steps of the paths.
+        Load steps of the pressure paths.
 
     Returns
     -------
     array (fluid pressures, 2, steps, paths, cells), m³
+        Interpolated permeability of every cell along x1 and x2.
     """
     k = cells.corrected_k.reshape(*cells.k.shape[:3], -1)  # (fluid pressure, axis, step, cell)
     k_on_paths = np.empty((*k.shape[:2], *paths.shape, k.shape[-1]))

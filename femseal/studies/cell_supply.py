@@ -1,4 +1,4 @@
-"""Provide the permeabilities that the tiles of a seal take from random cells, at the pressure of each tile."""
+"""Compute the permeabilities of all cells at the pressures of the tiles, for seals whose tiles take random cells."""
 
 from __future__ import annotations
 
@@ -32,10 +32,10 @@ REALISATION_RTOL = 3e-4
 
 @dataclass(frozen=True, eq=False)
 class CellSupply:
-    """Hold the permeabilities of all cells; every tile of a seal takes the permeability of a random cell.
+    """Hold the permeabilities of all cells at the pressures of the tiles of a seal.
 
-    A pressure path contains the nominal pressure of a tile at each load step. Tiles with the same pressures share a
-    path.
+    In each realisation, every tile of the seal takes the permeability of a random cell. A pressure path is the sequence
+    of the nominal pressures of a tile at all load steps. Tiles with equal nominal pressures share a pressure path.
 
     Parameters
     ----------
@@ -48,16 +48,16 @@ class CellSupply:
     k : array (fluid pressures, 2, steps, paths, cells), m³
         Permeability of every cell along x1 and x2 on every pressure path.
     fluid : TileFluid
-        Fluid pressures at which the permeabilities are known.
+        Fluid pressures at which the permeabilities of the cells are computed.
     path_of_tile : array of int (tiles,)
-        Number of the pressure path of each tile.
+        Index of the pressure path of each tile.
     paths : array (steps, paths), Pa
-        Nominal pressure of each path at every step.
+        Nominal pressure of each pressure path at every load step.
     unsolved : tuple of (int, str)
-        Index of each step that has no solution, and the reason.
+        Index of each load step without a solution, and the reason.
     added_k : array (steps, tiles), m³, optional
-        Increase of the permeability where the form of the seal holds the surfaces apart, see `opening_permeability`;
-        None for a seal without form.
+        Increase of the permeability of each tile where the form deviation of the seal holds the surfaces apart, see
+        `opening_permeability`; None for a seal without form deviation.
     """
 
     scene: Scene
@@ -72,21 +72,24 @@ class CellSupply:
 
     @property
     def solved_steps(self) -> list[int]:
-        """Indices of the steps at which all permeabilities are known."""
+        """Indices of the load steps at which the permeabilities of all cells are known."""
         known = np.flatnonzero(np.isfinite(self.k).all(axis=(0, 1, 3, 4)))
         return np.setdiff1d(known, [s for s, _ in self.unsolved]).tolist()
 
     def choose_cells(self, seed: int, realisation: int) -> Indices:
-        """Choose a random cell for every tile (tiles,). The same seed and realisation always give the same cells."""
+        """Choose a random cell for every tile (tiles,).
+
+        Calls with the same seed and the same number of the realisation always return the same cells.
+        """
         stream = np.random.SeedSequence(seed, spawn_key=(realisation,))
         return self.tiles.choose_cells(self.cells.cut.shape, np.random.default_rng(stream))
 
     def solve_flow(self, cell_of_tile: Indices, step: int) -> tuple[Any, Any]:
-        """Solve the flow through the seal at a load step, for one choice of the cells in its tiles.
+        """Solve the flow through one realisation of the seal at a load step.
 
-        cell_of_tile : number of the cell in each tile (tiles,).
+        cell_of_tile : index of the cell that each tile takes (tiles,).
 
-        Returns the permeabilities of the elements, and the leakage or the reason why the solver failed.
+        Returns the permeabilities of the elements of the seal, and the flow or the reason why the flow solver failed.
         """
         k = self.k[:, :, step, self.path_of_tile, cell_of_tile]  # (fluid pressure, axis, tile)
         if self.added_k is not None:
@@ -97,9 +100,11 @@ class CellSupply:
         return permeability, flow
 
     def over_tiles(self, values: Array) -> Array:
-        """Interpolate a quantity of the contact states at the pressure of each tile, and average it over the tiles.
+        """Interpolate a quantity of the contact states at the pressure of each tile, and average over the tiles.
 
-        The quantity must decrease with increasing pressure, as a permeability does.
+        The interpolation requires a quantity that decreases with increasing pressure, such as a permeability.
+
+        values : the quantity in each contact state (states,).
         """
         tiles_of_path = np.bincount(self.path_of_tile, minlength=self.paths.shape[1])
         return self._interpolate(values, self.paths, tiles_of_path / self.path_of_tile.size)
@@ -107,30 +112,33 @@ class CellSupply:
     def at_nominal(self, values: Array) -> Array:
         """Interpolate a quantity of the contact states at the nominal pressures of the load steps.
 
-        The quantity must decrease with increasing pressure, as a permeability does.
+        The interpolation requires a quantity that decreases with increasing pressure, such as a permeability.
+
+        values : the quantity in each contact state (states,).
         """
         return self._interpolate(values, self.scene.steps.pressures[:, None], np.ones(1))
 
     def _interpolate(self, values: Array, paths: Array, weights: Array) -> Array:
-        """Interpolate a quantity of the contact states at the pressures of paths, and average it over the paths.
+        """Interpolate a quantity of the contact states along pressure paths, and average over the paths.
 
-        The mean fluid pressure is first subtracted from the nominal pressures.
+        The contact pressure at which the quantity is interpolated is the nominal pressure minus the relief by the mean
+        fluid pressure, see `mean_relief`.
 
         Parameters
         ----------
         values : array (states,)
-            Quantity in each contact state.
+            The quantity in each contact state.
         paths : array (steps, paths), Pa
-            Nominal pressures.
+            Nominal pressures of the paths.
         weights : array (paths,)
-            Weight of each path in the average; the sum of the weights is 1.
+            Weight of each pressure path in the average; the sum of the weights is 1.
 
         Returns
         -------
         array (steps,)
-            Averaged quantity at each load step.
+            Average of the interpolated quantity over the pressure paths, at each load step.
         """
-        # the contact states are then the load steps themselves, and nothing has to be interpolated
+        # the contact states belong to the load steps themselves, so that nothing has to be interpolated
         if self.cells.steps == self.scene.steps:
             return values
         contact_pressures = np.maximum(paths - mean_relief(self.scene), 0.0)
@@ -138,11 +146,12 @@ class CellSupply:
         return curves.k_on_paths(contact_pressures, self.scene.steps) @ weights
 
     def patch_state(self, open_leakage: Array) -> PatchState:
-        """Return the contact states of the patch at each load step, under the mean contact pressure of this step.
+        """Return the contact state of the patch at each load step, for the width of the 95 % interval.
 
-        The mean contact pressure is the nominal pressure minus the mean fluid pressure.
+        The contact states are taken at the nominal pressures minus the relief by the mean fluid pressure, see
+        `mean_relief`.
 
-        open_leakage : leakage of a uniform gap that is equal to the mean gap of the state, array (steps,), m²/s.
+        open_leakage : leakage of a uniform gap that is equal to the mean gap of the contact state (steps,) [m²/s].
         """
         steps = self.scene.steps
         contact_pressures = np.maximum(steps.pressures - mean_relief(self.scene), 0.0)
@@ -150,7 +159,10 @@ class CellSupply:
 
 
 def mean_relief(scene: Scene) -> float:
-    """Return by how much the mean fluid pressure reduces the contact pressure [Pa]; 0 if the fluid does not act."""
+    """Return by how much the mean fluid pressure reduces the contact pressure [Pa].
+
+    The reduction is 0 if the case neglects the fluid pressure on the surfaces.
+    """
     fluid = scene.acting_fluid
     return 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
 
@@ -158,12 +170,13 @@ def mean_relief(scene: Scene) -> float:
 def supply_cells(
     scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: Mapper
 ) -> CellSupply:
-    """Solve the cells of a surface for the tiles of a seal.
+    """Compute the permeabilities of the cells of a surface at the pressures of the tiles of a seal.
 
-    The cells are solved at the load steps of the scene if they stay in order or if all tiles have the pressure of the
-    load steps. Otherwise they are solved at tabulated pressures.
+    In two cases, the contact is solved at the load steps of the scene: if the cells stay in order, or if every tile has
+    the contact pressure of the load steps. In all other cases, the contact is solved at tabulated pressures, and the
+    permeabilities are interpolated.
 
-    fractions : pressure of each tile, as a fraction of the nominal pressure, array (steps, tiles).
+    fractions : pressure of each tile divided by the nominal pressure of the load step (steps, tiles).
     """
     if tiles.in_order:
         return _supply_in_order(scene, cut, tiles, mapper)
@@ -174,7 +187,7 @@ def supply_cells(
     contact_paths = fluid.effective_pressures(paths)  # contact pressures (step, relief and path)
     has_single_path = contact_paths.shape[1] == 1
     if has_single_path and np.array_equal(contact_paths[:, 0], steps.pressures):
-        # all tiles have the pressure of the load steps, so that nothing is interpolated
+        # all tiles have the contact pressure of the load steps, so that nothing is interpolated
         cells = solve_cells_at_pressures(scene, cut, steps, mapper)
         k = cells.corrected_k.reshape(*cells.k.shape[:3], 1, -1)
     else:
@@ -186,7 +199,7 @@ def supply_cells(
 
 
 def _supply_in_order(scene: Scene, cut: Cut, tiles: SealTiles, mapper: Mapper) -> CellSupply:
-    """Solve the cells at the load steps of the scene, for a seal whose tiles all have the nominal pressure."""
+    """Compute the permeabilities of the cells at the load steps, for a seal whose cells stay in order."""
     # spiral grooves belong to the seal, not to its cells; a rectangular layout has no spiral
     without_spiral = scene
     if scene.flow.spiral is not None:

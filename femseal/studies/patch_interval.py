@@ -1,26 +1,35 @@
 """Compute the 95 % interval of a leakage that was computed from one measured patch, or block by block.
 
-The interval is calibrated on whole surfaces. `interval_calibration.csv` contains, for every load step of random scenes,
-the leakage of the whole surface (the truth) and the leakage that was computed from a patch of it. There are four kinds
-of computation. A seal is made of the cells of the patch, which either stay in order ("in order") or are put together at
-random ("at random"). The third kind is a seal whose form was measured at points ("with form"). The fourth kind is a
-surface that is solved block by block ("by blocks").
+The intervals are calibrated with simulated surfaces whose true leakage is known. The file `interval_calibration.csv`
+contains, for every load step of these surfaces, the leakage of the whole surface (the true leakage) and the leakage
+that was computed from a patch of the surface. The file distinguishes four kinds of computation:
 
-Each load step gets a score: the error of ln(leakage), divided by the difficulty of its contact state. The difficulty is
-computed from this contact state alone, without the truth and without the other loads. The distance from a new leakage
-to an end of its interval is a quantile of the scores of its kind, multiplied by the difficulty of its contact state.
-The lower and the upper end have separate quantiles, because errors in both directions differ in size.
+- "in order": the seal is made of the cells of a patch in their original order.
+- "at random": each tile of the seal takes a random cell of a patch.
+- "with form": the tiles take random cells, and the form deviation of the seal was measured at points.
+- "by blocks": the contact of a large surface is solved block by block.
 
-The steps of one scene have similar errors, so only whole scenes can be regarded as independent. Each of the n scenes
-has the weight 1/(n + 1), which is shared by its steps. The remaining weight 1/(n + 1) represents a new scene, whose
-scores may be higher than all known scores. Now consider intervals that may miss 5 % of the true leakages. In new scenes
-of the same population, each of the two ends is then wrong at no more than 2.5 % of the load steps. This holds for any
-distribution of the errors.
+The score of a load step is the error of ln(leakage) at this step, divided by the error that is expected for its contact
+state (class `Difficulty`). The expected error of a contact state does not depend on the true leakage or on other load
+steps. For a newly computed leakage, the distance from ln(leakage) to an end of its 95 % interval is the expected error
+multiplied by a quantile of the scores of the same kind of computation. The lower and the upper end of the interval have
+separate quantiles, because positive and negative errors differ in size.
 
-Sources: Vovk, Gammerman & Shafer, Algorithmic Learning in a Random World, 2005 (a quantile for each kind);
-Papadopoulos, Gammerman & Vovk, Neural conformal prediction, 2008 (scores divided by a difficulty); Romano, Patterson &
-Candès, Conformalized quantile regression, NeurIPS 2019 (separate ends); Lee, Barber & Willett, J. R. Stat. Soc. B, 2025
-(several steps of a scene).
+The load steps of one simulated scene have similar errors. Therefore only whole scenes are regarded as independent of
+each other. In the quantile, each of the n scenes of the calibration set has the weight 1/(n + 1), divided equally among
+its load steps. The last share 1/(n + 1) of the weight belongs to the scene to be predicted, whose scores may be higher
+than all scores of the calibration set. With 95 % intervals for new scenes of the same population, the true leakage lies
+below the lower end of the interval at no more than 2.5 % of the load steps, and above the upper end at no more than
+2.5 %. This guarantee holds for any distribution of the errors.
+
+Sources of the method:
+
+- Vovk, Gammerman & Shafer, Algorithmic Learning in a Random World, 2005 (separate quantiles for each kind of
+  computation)
+- Papadopoulos, Gammerman & Vovk, Neural conformal prediction, 2008 (errors divided by expected errors)
+- Romano, Patterson & Candès, Conformalized quantile regression, NeurIPS 2019 (separate quantiles for the lower and the
+  upper end of an interval)
+- Lee, Barber & Willett, J. R. Stat. Soc. B, 2025 (several dependent observations, here the load steps of one scene)
 """
 
 from __future__ import annotations
@@ -38,11 +47,11 @@ from .patch_state import PatchState
 
 #: Calibration set, which is written by `stochastic_seals.py` and `patch_and_form.py` of `tests/benchmarks`.
 CALIBRATION = Path(__file__).with_name("interval_calibration.csv")
-#: Kinds of computation: from the cells of one patch, or by blocks.
+#: Kinds of computation, see the docstring of this module.
 KINDS = ("in order", "at random", "with form", "by blocks")
 #: Columns of the calibration set. "leakage" and "truth" are divided by the leakage of an open seal, see `PatchState`.
-#: "load" and "peak" are divided by the highest load. "decades" is the number of decades by which the truth has fallen
-#: below that at the first load; it is only used to group tables.
+#: "load" and "peak" are divided by the highest load. "decades" is the number of decades by which the true leakage has
+#: fallen since the first load. The column "decades" is only used to group tables.
 COLUMNS = (
     "kind",
     "surface",
@@ -58,14 +67,15 @@ COLUMNS = (
     "contact",
     "detours",
 )
-#: Fraction of the truths that the intervals should contain.
+#: Fraction of the true leakages that the intervals should contain.
 COVERAGE = 0.95
-#: A truth below this fraction of the leakage of an open seal counts as sealed. An interval whose lower end would be
-#: smaller begins at 0.
+#: A true leakage below this fraction of the leakage of an open seal counts as sealed. An interval whose lower end would
+#: be below this fraction begins at 0.
 LEAST_TRUTH = 1e-4
 #: If the leakage is below this fraction of the leakage of an open seal, it comes from a few constrictions, and its size
 #: says little. The upper end of the interval is then computed for this fraction. Of 1e-3, 1e-2 and 3e-2, this value
-#: gave the largest fraction of truths in the intervals for kinds of surfaces that were left out of the calibration.
+#: gave the largest fraction of true leakages in the intervals for kinds of surfaces that were left out of the
+#: calibration.
 LEAST_KNOWN = 1e-3
 #: Carriers and detours of a sealed state, as of a flow through a single constriction.
 _SEALED_CARRIERS, _SEALED_DETOURS = 1.0, 0.0
@@ -74,42 +84,50 @@ _BOTH_PATCHES = "both"
 
 
 def error_of_few_carriers(carriers: Array) -> Array:
-    """Return the factor (0.3 + N^−½)^½ of the difficulty, where N is the number of blocks that carry the flow."""
+    """Return the expected error of ln(leakage) due to few flow paths, up to a constant factor.
+
+    The expected error is (0.3 + N^−½)^½, where N is the number of blocks of the patch that carry the flow.
+
+    carriers : number N of blocks that carry the flow.
+    """
     return np.asarray(np.sqrt(0.3 + 1 / np.sqrt(carriers)))
 
 
 @dataclass(frozen=True)
 class Difficulty:
-    """Describe how the expected error depends on the contact state, for one kind of computation.
+    """Describe how the expected error of ln(leakage) depends on the contact state, for one kind of computation.
 
-    The distance from ln(leakage) to an end of the interval is proportional to
+    The distance from ln(leakage) to an end of the 95 % interval is proportional to the expected error
 
         (0.3 + N^−½)^½ · [1 + l/(A + 0.003)] · exp(gA) · (1 + dF),
 
-    where N is the number of carriers, A the contact fraction and F the detours of the contact state, see `PatchState`.
-    The factors have the following reasons:
+    where N is the number of carriers, A the contact fraction and F the detour index of the contact state, see
+    `PatchState`. The four factors of the expected error have the following reasons:
 
     - If the flow passes through few blocks (small N), a single patch is less representative of the whole surface.
     - In a very light contact (small A), only a few asperities carry the load, so that a single patch is less
-      representative than at a higher load (coefficient l).
-    - The error grows with the contact fraction A (coefficient g).
-    - The detours F measure the flow through channels that lead from one cell to the next (coefficient d). If the cells
-      stay in order, these channels continue from one copy of the patch to the next, so that the real seal may leak
-      less. If the cells are put together at random, the channels are interrupted, so that the real seal may leak more.
+      representative than at a higher load. This influence has the coefficient l.
+    - The error of ln(leakage) grows with the contact fraction A. This influence has the coefficient g.
+    - The detour index F measures the flow through channels that lead from one cell to the next. This influence has the
+      coefficient d. In a seal with cells in order, the channels of the patch continue from one copy of the patch to the
+      next, so that the real seal may leak less than the computed one. In a seal with cells at random, the channels are
+      interrupted at the sides of the cells, so that the real seal may leak more than the computed one.
 
     Parameters
     ----------
     light : float
-        Coefficient l of light contacts.
+        Coefficient l of the error in light contacts.
     below, above : float
-        Coefficient g of the contact fraction: `below` for the lower end of the interval, `above` for the upper end.
+        Coefficient g of the contact fraction: `below` for the lower end of the 95 % interval, `above` for the upper
+        end.
     detours_below, detours_above : float
-        Coefficient d of the detours: the first for the lower end of the interval, the second for the upper end.
+        Coefficient d of the detour index: `detours_below` for the lower end of the 95 % interval, `detours_above` for
+        the upper end.
     largest_ratio : float
-        Limit of the upper end, as a multiple of the leakage of an open seal. If twice the computed leakage is larger
-        than this limit, the limit is twice the computed leakage.
+        Largest upper end of an interval, as a multiple of the leakage of an open seal. If twice the computed leakage is
+        larger than this multiple, the upper end is limited to twice the computed leakage instead.
     fraction : float
-        Fraction of the true leakages that the intervals must contain when they are calibrated.
+        Fraction of the true leakages in the calibration set that the calibrated intervals must contain.
     """
 
     light: float
@@ -121,14 +139,15 @@ class Difficulty:
     fraction: float
 
     def distances(self, state: PatchState) -> tuple[Array, Array]:
-        """Return the distances from ln(leakage) to the lower and to the upper end (steps,), up to a constant factor.
+        """Return the distances from ln(leakage) to both ends of the 95 % interval, up to a constant factor.
 
-        The factors are calibrated, see `IntervalWidths`.
+        The two arrays (steps,) belong to the lower and to the upper end of the interval. The constant factor of each
+        end is calibrated, see `IntervalWidths`.
         """
         carriers = np.where(np.isnan(state.carriers), _SEALED_CARRIERS, state.carriers)
         detours = np.where(np.isnan(state.detours), _SEALED_DETOURS, state.detours)
         contact = state.contact_fraction
-        # the factors that both ends share, see the formula of the class
+        # factors that are the same for the lower and the upper end, see the formula in the docstring of the class
         common = error_of_few_carriers(carriers) * (1 + self.light / (contact + 0.003))
         below = common * np.exp(self.below * contact) * (1 + self.detours_below * detours)
         above = common * np.exp(self.above * contact) * (1 + self.detours_above * detours)
@@ -136,13 +155,13 @@ class Difficulty:
 
 
 #: The coefficients were chosen from a grid of values. One kind of surface after the other was left out of the
-#: calibration, and the intervals had to contain about 0.9 of its truths. Of the coefficients that do so, these give
-#: nearly the narrowest intervals down to two decades of leakage, see docs/evidence/stochastic_seals.md.
-#: `largest_ratio`: no surface of the calibration set without honing grooves leaks more than 10 times as much as a
-#: uniform gap of the same mean; honed surfaces leak up to 145 times as much.
-#: A whole surface closes at a lower load than a patch of it, beginning at the edges of the bodies.
-#: `fraction` with cells in order: when honed surfaces were left out, intervals calibrated for 0.95 contained only 0.87
-#: of their truths, so that 0.96 is used.
+#: calibration, and the intervals had to contain about 0.9 of the true leakages of this kind. Of the coefficients that
+#: meet this condition, the chosen ones give nearly the narrowest intervals down to two decades of leakage, see
+#: docs/evidence/stochastic_seals.md. `largest_ratio`: no surface of the calibration set without honing grooves leaks
+#: more than 10 times as much as a uniform gap of the same mean; honed surfaces leak up to 145 times as much.
+#: A whole surface closes at a lower load than a patch of this surface, beginning at the edges of the bodies. `fraction`
+#: with cells in order: when honed surfaces were left out, intervals calibrated for 0.95 contained only 0.87 of the true
+#: leakages of honed surfaces, so that 0.96 is used.
 _IN_ORDER = Difficulty(
     light=0.005,
     below=0.0,
@@ -161,7 +180,7 @@ _AT_RANDOM = Difficulty(
     largest_ratio=30.0,
     fraction=0.95,
 )
-#: A surface that is solved by blocks loses no detours, because all of its cells stay in order.
+#: A surface that is solved by blocks loses no channels between cells, because all of its cells stay in order.
 _BY_BLOCKS = Difficulty(
     light=0.0,
     below=4.0,
@@ -171,7 +190,7 @@ _BY_BLOCKS = Difficulty(
     largest_ratio=60.0,
     fraction=0.95,
 )
-#: Difficulty of each kind of computation.
+#: Expected error of each kind of computation.
 DIFFICULTY = {
     "in order": _IN_ORDER,
     "at random": _AT_RANDOM,
@@ -182,16 +201,17 @@ DIFFICULTY = {
 
 @dataclass(frozen=True)
 class IntervalWidths:
-    """Hold the calibrated widths of the intervals of one kind of computation.
+    """Hold the calibrated widths of the 95 % intervals of one kind of computation.
 
     Parameters
     ----------
     kind : str
         One of `KINDS`.
     scenes : int
-        Number of scenes in the calibration set.
+        Number of simulated scenes of this kind in the calibration set.
     below, above : float
-        Factors for the lower and for the upper end, by which the results of `Difficulty.distances` are multiplied.
+        Quantiles of the scores, for the lower and for the upper end of the intervals. The distances that
+        `Difficulty.distances` returns are multiplied by these quantiles.
     """
 
     kind: str
@@ -203,17 +223,18 @@ class IntervalWidths:
     def calibrate(
         cls, kind: str, rows: Sequence[Mapping[str, str]], *, two_patches: bool = False
     ) -> IntervalWidths:
-        """Calibrate the widths of the intervals of one kind of computation.
+        """Calibrate the widths of the 95 % intervals of one kind of computation.
 
         Parameters
         ----------
         kind : str
             One of `KINDS`.
         rows : sequence of mapping
-            Rows of the calibration set that belong to this kind. Each row is a load step of a scene.
+            Rows of the calibration set that belong to the kind `kind`. Each row of the set describes a load step of a
+            scene.
         two_patches : bool
-            True to use only rows that were computed from two patches together, False to use only rows of single
-            patches.
+            True to use only rows whose leakage was computed from two patches together, False to use only rows whose
+            leakage was computed from a single patch.
         """
         rows = [row for row in rows if (row["patch"] == _BOTH_PATCHES) == two_patches]
         scene = np.array([row["scene"] for row in rows])
@@ -223,7 +244,7 @@ class IntervalWidths:
         unit_below, unit_above = difficulty.distances(state_of_rows(rows))
         error_below, error_above = distances_to_truth(leakage, truth)
         is_open = leakage > 0
-        # the interval may miss the fraction 1 − f of the true leakages, and each of its two ends half of that
+        # the interval may miss the fraction 1 − f of the true leakages: (1 − f)/2 at each of its two ends
         level = (1 + difficulty.fraction) / 2
         below = weighted_quantile((error_below / unit_below)[is_open], scene[is_open], level)
         above = weighted_quantile((error_above / unit_above)[is_open], scene[is_open], level)
@@ -232,7 +253,7 @@ class IntervalWidths:
     def ends(self, leakage: Array, state: PatchState) -> tuple[Array, Array]:
         """Return the lower and the upper end of the interval of the absolute leakage (steps,) [m²/s].
 
-        The interval of a sealed state reaches from 0 to `sealed_end` times the leakage of an open seal.
+        In a sealed contact state, the interval extends from 0 to `sealed_end` times the leakage of an open seal.
         """
         unit_below, unit_above = DIFFICULTY[self.kind].distances(state)
         q, open_leakage = np.abs(leakage), np.abs(state.open_leakage)
@@ -247,7 +268,7 @@ class IntervalWidths:
 
 
 def distances_to_truth(leakage: Array, truth: Array) -> tuple[Array, Array]:
-    """Return the smallest distances of both ends from ln(leakage) for which an interval contains the true leakage.
+    """Return how wide an interval must be to contain the true leakage, below and above the computed leakage.
 
     Parameters
     ----------
@@ -257,8 +278,9 @@ def distances_to_truth(leakage: Array, truth: Array) -> tuple[Array, Array]:
     Returns
     -------
     below, above : array (rows,)
-        Smallest distance from ln(leakage) for the lower end and for the upper end. At most one of the two is positive,
-        because the true leakage lies either above or below the computed leakage.
+        Smallest distance from ln(leakage) to the lower end of the interval (`below`) and to the upper end (`above`),
+        for which the interval contains the true leakage. A negative distance means that the true leakage lies on the
+        other side of the computed leakage.
     """
     with np.errstate(divide="ignore"):
         # The lower end must not be above the true leakage. `IntervalWidths.ends` replaces a lower end below
@@ -271,9 +293,10 @@ def distances_to_truth(leakage: Array, truth: Array) -> tuple[Array, Array]:
 
 
 def state_of_rows(rows: Sequence[Mapping[str, str]]) -> PatchState:
-    """Read the contact states of rows of the calibration set.
+    """Read the contact states from rows of the calibration set.
 
-    The leakage of an open seal is 1, because the other leakages of the rows are divided by it.
+    The leakage of an open seal is 1 in the returned state, because all leakages of the calibration set are divided by
+    the leakage of an open seal.
     """
     names = "carriers", "contact", "detours"
     carriers, contact, detours = (np.array([float(row[name]) for row in rows]) for name in names)
@@ -281,20 +304,20 @@ def state_of_rows(rows: Sequence[Mapping[str, str]]) -> PatchState:
 
 
 def weighted_quantile(score: Array, scene: Array, fraction: float) -> float:
-    """Return a quantile of scores, in which every scene has the same weight.
+    """Return a quantile of the scores of load steps, in which every scene has the same weight.
 
-    Each of the n scenes has the weight 1/(n + 1), which is shared equally by its steps. The remaining weight 1/(n + 1)
-    represents a new scene, whose scores are assumed to be higher than all others.
+    Each of the n scenes has the weight 1/(n + 1), divided equally among the load steps of the scene. The last share
+    1/(n + 1) of the weight belongs to a new scene, whose scores are assumed to be higher than all known scores.
 
     Parameters
     ----------
     score : array (rows,)
-        Score of each load step.
+        Error of ln(leakage) at each load step, divided by the expected error.
     scene : array (rows,)
-        Name of the scene to which each load step belongs.
+        Name of the simulated scene to which each load step belongs.
     fraction : float
-        Fraction of the total weight up to the quantile, such as 0.95. Above n/(n + 1) the quantile belongs to the new
-        scene and is unknown; the largest known score is then returned.
+        Fraction of the total weight that belongs to scores up to the quantile, such as 0.95. For fractions above
+        n/(n + 1), the quantile is an unknown score of the new scene; the largest known score is returned instead.
     """
     _, scene_number = np.unique(scene, return_inverse=True)
     steps_of_scene = np.bincount(scene_number)
@@ -313,7 +336,7 @@ def calibration_rows(kind: str) -> list[dict[str, str]]:
 
 @cache
 def _calibration_set() -> tuple[dict[str, str], ...]:
-    """Read the calibration set, only once for all kinds."""
+    """Read the rows of the calibration set, and keep them in memory for later calls."""
     with CALIBRATION.open(encoding="utf-8", newline="") as file:
         return tuple(csv.DictReader(file))
 
@@ -322,7 +345,7 @@ def _calibration_set() -> tuple[dict[str, str], ...]:
 def sealed_end() -> float:
     """Return the upper end of the interval for a sealed state, divided by the leakage of an open seal.
 
-    This ratio is calibrated from the sealed states of all kinds of computation together.
+    The returned ratio is calibrated from the sealed states of all kinds of computation together.
     """
     rows = [row for kind in KINDS for row in calibration_rows(kind)]
     rows = [row for row in rows if float(row["leakage"]) == 0 and row["patch"] != _BOTH_PATCHES]
@@ -332,10 +355,10 @@ def sealed_end() -> float:
 
 @cache
 def interval_widths(kind: str, patches: int = 1) -> IntervalWidths:
-    """Return the calibrated interval widths for a kind of computation, and for a number of measured patches.
+    """Return the calibrated widths of the 95 % intervals for a kind of computation and a number of measured patches.
 
-    For two and more patches, the widths are calibrated from rows of the calibration set that were computed from two
-    patches together. If there are no such rows for this kind, the widths for a single patch are used.
+    For two or more patches, the widths are calibrated with leakages that were computed from two patches together. For a
+    kind of computation without such leakages in the calibration set, the widths for a single patch are returned.
     """
     rows = calibration_rows(kind)
     has_two = any(row["patch"] == _BOTH_PATCHES for row in rows)

@@ -1,4 +1,4 @@
-"""Describe the contact state of a measured patch at every load step, which determines the width of its interval."""
+"""Describe the contact states of a measured patch, from which the width of the 95 % interval is computed."""
 
 from __future__ import annotations
 
@@ -14,29 +14,30 @@ from ..loads import LoadProgramme
 from ..scene import Scene
 from .cell_states import FaceCells
 
-#: Permeability for which the leakage of an open seal is solved, that of a gap of 1 µm [m³].
+#: Permeability of a gap of 1 µm [m³], for which the leakage of an open seal is solved.
 _OPEN_PERMEABILITY = 1e-18 / 12
 
 
 @dataclass(frozen=True, eq=False)
 class PatchState:
-    """Hold the quantities of a patch that determine the width of its 95 % interval, at every load step.
+    """Hold the quantities that determine the width of the 95 % interval of a patch, at every load step.
 
-    The quantities at a load step depend on the contact state of this step alone. At a step on unloading, however, all
-    quantities except `open_leakage` are taken from the peak, from which the patch is unloaded. The reason is that the
-    deformation at the peak determines the unloaded state, whose leakage is therefore as uncertain as at the peak.
+    At a load step on loading, all quantities describe the contact state of this step. At a load step on unloading, all
+    quantities except `open_leakage` describe the highest load before the unloading. The deformation at the highest load
+    determines the contact states on unloading, so that their leakages are as uncertain as the leakage at the highest
+    load.
 
     Parameters
     ----------
     carriers : array (steps,)
-        Effective number of blocks that carry the flow, if the patch is divided into blocks as large as one short wave,
-        see `face.flow_concentration`. NaN in a sealed state.
+        Effective number of blocks that carry the flow, see `face.flow_concentration`; NaN in a sealed state. The side
+        of a block is the wavelength of a short wave of the surface.
     contact_fraction : array (steps,)
         Fraction of the patch in contact.
     detours : array (steps,)
-        ln(Q/Q_c), with the leakage Q of the patch and the leakage Q_c of its grid of cells, limited to the range from 0
-        to ln 3. It measures how much flows through channels that cross the sides of cells. These channels are lost when
-        the cells are put together at random. NaN in a sealed state.
+        Detour index ln(Q/Q_c), where Q is the leakage of the patch and Q_c the leakage of its grid of cells; limited to
+        the range from 0 to ln 3, NaN in a sealed state. The detour index measures how much fluid flows through channels
+        that cross the sides of cells. Channels that cross the sides of cells are lost in a seal with cells at random.
     open_leakage : array (steps,), m²/s
         Leakage of a seal whose gap is uniform and equal to the mean gap of the contact state.
     """
@@ -50,18 +51,19 @@ class PatchState:
     def of(
         cls, steps: LoadProgramme, cells: FaceCells, pressures: Array, open_leakage: Array
     ) -> PatchState:
-        """Derive the quantities from the cells of a patch, at the load steps of a seal.
+        """Compute the contact states of a patch from its cells, at the load steps of a seal.
 
         Parameters
         ----------
         steps : LoadProgramme
             Load steps of the seal.
         cells : FaceCells
-            Cells of the patch. If they were not solved at the load steps of the seal, the quantities are interpolated.
+            Cells of the patch. For cells that were solved at tabulated pressures, all quantities except `open_leakage`
+            are interpolated.
         pressures : array (steps,), Pa
             Mean contact pressure of the seal at every load step.
         open_leakage : array (steps,), m²/s
-            See the class.
+            Leakage of a seal whose gap is uniform and equal to the mean gap of the contact state.
         """
         contact_fraction = cells.contact_fraction.mean(axis=(1, 2))
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -86,15 +88,20 @@ class PatchState:
 def open_leakage_per_permeability(scene: Scene, seal: Any) -> float:
     """Compute the leakage per unit seal length for a uniform permeability of 1 m³, in 1/(m s).
 
-    It is NaN if the flow solver failed.
+    The leakage is NaN if the flow solver failed.
     """
     return attempt(scene.leakage, seal, _OPEN_PERMEABILITY).per_length / _OPEN_PERMEABILITY
 
 
 def _interpolate_on_loading(steps: LoadProgramme, values: Array, pressures: Array) -> Array:
-    """Interpolate a quantity of the contact states on loading, linearly in the cube root of the pressure.
+    """Interpolate a quantity between the contact states on loading, linearly in the cube root of the pressure.
 
-    The result is NaN where the quantity is NaN in the nearest contact state, which means that this state is sealed.
+    A quantity that is NaN in a contact state marks this state as sealed. At a pressure whose nearest contact state is
+    sealed, the interpolated quantity is NaN as well.
+
+    steps : loads of the contact states.
+    values : quantity in each contact state (states,).
+    pressures : pressures at which the quantity is interpolated [Pa].
     """
     loading = np.flatnonzero(steps.on_loading)
     values = values[loading]

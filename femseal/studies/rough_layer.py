@@ -1,10 +1,11 @@
-"""Describe the roughness of a seal as a compliant layer, whose thickness is a function of the pressure.
+"""Describe the roughness of a seal as a compliant layer whose thickness depends on the contact pressure.
 
-The thickness is the separation of the mean planes of the two rough surfaces. It is taken from the contact of the
-measured surface, which is solved under several uniform pressures on loading, and on unloading from several peaks. On
-loading, it is interpolated between these pressures by a monotone cubic in the logarithm of the pressure, because the
-separation of rough surfaces falls about linearly with it (Persson, Phys. Rev. Lett. 99, 2007, 125502). The recovery on
-unloading is interpolated linearly.
+The thickness of the layer is the separation of the mean planes of the two rough surfaces. This separation is computed
+from the contact of the measured surface under several uniform pressures, on loading and on unloading. Between the
+computed pressures on loading, the separation is interpolated by a monotone cubic in the logarithm of the pressure,
+because the separation of rough surfaces decreases about linearly with the logarithm of the pressure (Persson, Phys.
+Rev. Lett. 99, 2007, 125502). On unloading, the increase of the separation since the highest pressure is interpolated
+linearly.
 """
 
 from __future__ import annotations
@@ -23,22 +24,24 @@ from ..contact import LoadState
 from ..loads import LoadProgramme, LoadStep
 from ..scene import Scene
 
-#: Pressures on loading at which the layer is solved, as fractions of the pressure at which points yield for the first
-#: time. If the law carries more than this, as coatings do, pressures at the same ratio to each other follow.
+#: Pressures on loading at which the rough contact is solved, as fractions of the pressure at which points yield for the
+#: first time. If the contact law carries higher pressures, as with coatings, higher pressures at the same ratio to each
+#: other follow.
 _PRESSURES = np.geomspace(1e-3, 1.0, 17)
-#: Indices of the peaks in `_PRESSURES`, from which the layer is unloaded, besides the highest pressure.
+#: Indices in `_PRESSURES` of the peak pressures from which the layer is unloaded, in addition to the highest pressure
+#: of the layer.
 _PEAKS = (5, 11, 16)
-#: Fractions of the peak at which unloading is tabulated. The first and the last state are not solved: at the peak, the
-#: recovery is 0, and without pressure, the recovery is extrapolated.
+#: Fractions of the peak pressure at which unloading is tabulated. The contact is not solved at the first and the last
+#: fraction: at the peak pressure, the recovery is 0, and at pressure 0, the recovery is extrapolated.
 _RELEASED = np.array([1.0, 0.7, 0.4, 0.15, 0.03, 0.0])
-#: Highest pressure of the layer, as a fraction of the pressure that the surface can carry. Above it the bodies
-#: themselves yield.
+#: Highest pressure of the layer, as a fraction of the pressure that the surface can carry. At higher pressures, the
+#: bodies under the roughness yield.
 HIGHEST_PRESSURE = 0.97
 
 
 @dataclass(frozen=True, eq=False)
 class RoughLayer:
-    """Describe the separation s of the mean planes of rough surfaces as a function of pressure.
+    """Describe the separation s of the mean planes of rough surfaces as a function of the contact pressure.
 
     The layer may describe several surfaces that have been solved at the same pressures, such as the blocks of a large
     surface.
@@ -48,13 +51,15 @@ class RoughLayer:
     pressure : array (n,), Pa
         Increasing pressures on loading, beginning with 0.
     separation : array (surfaces, n), m
-        Separation s of the mean planes at these pressures.
+        Separation s of the mean planes of each rough surface at each of the pressures in `pressure`.
     peaks : array (m,), Pa
-        Increasing pressures from which the layer is unloaded; empty if the surfaces are elastic.
+        Increasing peak pressures from which unloading is tabulated; empty if the surfaces are elastic.
     recovery : array (surfaces, m, 6), m
-        Increase of s on unloading from each peak to the fractions `_RELEASED` of the peak.
+        Recovery: increase of s on unloading, from each peak pressure to the fractions `_RELEASED` of this peak
+        pressure.
     surface_number : array of int (points,) or int
-        Number of the surface of each point at which the layer is evaluated. A single number applies to all points.
+        For each point at which the layer is evaluated, the number of the rough surface on which the point lies. A
+        single number means that all points lie on the same rough surface.
     """
 
     pressure: Array
@@ -77,27 +82,28 @@ class RoughLayer:
     def from_mean_gaps(
         cls, scene: Scene, programme: LoadProgramme, gaps: Sequence[float]
     ) -> RoughLayer:
-        """Make the layer from the mean gaps of the contact states that `solve_layer_states` has solved.
+        """Make the rough layer from the mean gaps of the contact states that `solve_layer_states` has solved.
 
         Parameters
         ----------
         scene : Scene
             The rough surface.
         programme : LoadProgramme
-            Load programme of these contact states.
+            Load programme of the contact states.
         gaps : sequence of float
-            Mean gap at each step of the programme [m].
+            Mean gap at each step of the load programme [m].
         """
         loading = programme.pressures[programme.on_loading]
         peaks = np.array(programme.unload_from)
         gap_on_loading, gap_on_unloading = np.split(np.array(gaps), [loading.size])
-        # the steps on unloading follow peak by peak, each at the same fractions of its peak
+        # the steps on unloading follow peak by peak, with the same fractions for each peak pressure
         gap_on_unloading = gap_on_unloading.reshape(peaks.size, _RELEASED.size - 2)
         gap_at_peak = gap_on_loading[np.searchsorted(loading, peaks), None]
         recovery = np.zeros((peaks.size, _RELEASED.size))  # (peak, fraction)
         recovery[:, 1:-1] = gap_on_unloading - gap_at_peak
-        # As the pressure falls, the recovery grows in proportion to −ln(pressure), which has no limit at 0. The value
-        # without pressure is therefore taken as the value at 1/e times the lowest solved pressure.
+        # As the pressure falls, the recovery grows in proportion to −ln(pressure), which has no limit at pressure 0.
+        # The recovery at pressure 0 is therefore set to the recovery extrapolated to 1/e times the lowest solved
+        # pressure.
         growth_per_factor_e = np.diff(recovery[:, -3:-1]) / np.log(_RELEASED[-3] / _RELEASED[-2])
         recovery[:, -1:] = recovery[:, -2:-1] + growth_per_factor_e
         heights = scene.surface.heights
@@ -106,7 +112,7 @@ class RoughLayer:
         return cls(np.array([0.0, *loading]), separation, peaks, recovery[None])
 
     def on_loading(self, p: Array) -> tuple[Array, Array]:
-        """Evaluate s [m] and ds/dp [m/Pa] on loading, at the pressure of each point (points,) [Pa]."""
+        """Return the separation s [m] and ds/dp [m/Pa] on loading, at the pressures p (points,) [Pa]."""
         surface = self.surface_number
         first, last = self.pressure[[1, -1]]
         # between the first two pressures, of which the lower one is 0, and beyond the last one: a straight line
@@ -132,26 +138,29 @@ class RoughLayer:
 
     @cached_property
     def _node_slopes(self) -> Array:
-        """Derivative of s [m] with respect to the logarithm of the pressure, at all pressures but 0 (surfaces, n − 1).
+        """Derivative of the separation s [m] with respect to the logarithm of the pressure (surfaces, n − 1).
 
-        They are those of a monotone cubic (PCHIP; Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300).
+        The derivatives belong to all tabulated pressures on loading except pressure 0. They make the interpolating
+        cubic monotone (PCHIP; Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300).
         """
         nodes = np.log(self.pressure[1:])
         curve = PchipInterpolator(nodes, self.separation[:, 1:], axis=1)
         return np.asarray(curve.derivative()(nodes))
 
     def on_unloading(self, p: Array, peak: Array) -> tuple[Array, Array]:
-        """Evaluate s [m] and ds/dp [m/Pa] on unloading, at the pressure and the peak of each point (points,) [Pa].
+        """Return the separation s [m] and ds/dp [m/Pa] on unloading, at the pressures p (points,) [Pa].
 
-        At pressures above the peak, the values are those on loading. Below the peak, s is s(peak) plus the recovery,
-        which is interpolated between four tabulated values: linearly in the logarithm of the peak between the next
-        lower and the next higher tabulated peak, and linearly in the pressure between the two nearest fractions
-        `_RELEASED` of the peak.
+        At a pressure above the peak pressure, the separation is the same as on loading. At a pressure below the peak
+        pressure, the separation is s(peak) plus the recovery. The recovery is interpolated linearly in two variables:
+        in the logarithm of the peak pressure, between two tabulated peak pressures, and in the pressure, between two of
+        the fractions `_RELEASED` of the peak pressure.
+
+        peak : highest pressure that each point has carried before (points,) [Pa].
         """
         if not self.peaks.size:
             return self.on_loading(p)
         safe_peak = np.maximum(peak, 1e-9 * self.peaks[0])  # for the logarithm and the division
-        # position of each peak among the tabulated peaks, such as 0.5 in the middle between the first two
+        # position of each peak pressure among the tabulated ones, such as 0.5 midway between the first two
         position = np.interp(np.log(safe_peak), np.log(self.peaks), np.arange(self.peaks.size))
         lower = np.minimum(position.astype(int), self.peaks.size - 2)
         weight_of_upper = position - lower
@@ -186,18 +195,20 @@ def solve_layer_states(
 ) -> tuple[LoadProgramme, list[Any]]:
     """Solve the contact of the rough surface without fluid, under increasing uniform pressures.
 
-    The pressures end at `HIGHEST_PRESSURE` times the pressure that the surface can carry, and begin at a thousandth of
-    that, or of the pressure at which points yield for the first time if this is lower. Unloading from several of these
-    pressures is also solved, if the surface yields and the load programme of the scene contains unloading.
+    The highest of these pressures is `HIGHEST_PRESSURE` times the pressure that the surface can carry. The lowest
+    pressure is a thousandth of the smaller of two pressures: the pressure that the surface can carry, and the pressure
+    at which points yield for the first time. If the surface yields and the load programme of the scene contains
+    unloading, unloading from several pressures is solved as well.
 
     Parameters
     ----------
     scene : Scene
-        The surface and its materials. Its load programme is only used to decide whether unloading is solved.
+        The surface and its materials. The load programme of the scene is only used to decide whether unloading is
+        solved.
     take : callable
-        Function that extracts the result from each contact state.
+        Function that computes the wanted result from the contact state of a load step.
     mapper : callable
-        Computes the items of a stage.
+        Function such as the builtin `map`, which computes a stage for many items.
     boundary : tuple of two str
         Continuation of the surface along x1 and x2, see `HalfSpace`.
 
@@ -206,10 +217,10 @@ def solve_layer_states(
     programme : LoadProgramme
         Uniform pressures at which the surface was solved.
     taken : list
-        Results of `take`, one for each step of the programme.
+        What the function `take` returned for each step of the load programme.
     """
     law = scene.law
-    # an elastic surface can carry any pressure; the layer then ends at about a tenth of the contact modulus
+    # An elastic surface can carry any pressure. Its highest pressure is about a tenth of the contact modulus.
     capacity = min(law.capacity, 0.1 * scene.surface_modulus)
     loading = HIGHEST_PRESSURE * _layer_pressures(min(law.mean_hardness, capacity), capacity)
     has_unloading = any(step.unloaded_from is not None for step in scene.steps)
@@ -225,7 +236,7 @@ def solve_layer_states(
 
 
 def _layer_pressures(first_yield: float, capacity: float) -> Array:
-    """Choose the pressures [Pa] of the layer, up to the pressure that the surface can carry.
+    """Choose the pressures [Pa] at which the rough contact is solved, up to the pressure that the surface can carry.
 
     Parameters
     ----------

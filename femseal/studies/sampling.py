@@ -1,6 +1,7 @@
 """Describe the seals of the stochastic study, and compute the nominal pressure of their tiles.
 
-The pressure of a tile follows from the pressure map. Fluid pressure that acts on the surfaces reduces it.
+The nominal pressure of a tile is computed from the pressure map. If the fluid pressure acts on the surfaces, the
+contact pressure of a tile is lower than its nominal pressure.
 """
 
 from __future__ import annotations
@@ -23,11 +24,11 @@ from ..topography import Surface
 
 #: Smallest and largest number of realisations, if their number is not given.
 FEWEST_SEALS, MOST_SEALS = 3, 200
-#: Largest number of tiles that are solved of a seal that does not vary along its length. A longer seal is represented
-#: by a part of it. The leakage of such a part scatters by less than 1 %, except near closing.
+#: Largest number of tiles for a seal that does not vary along its length. A longer seal is represented by a part of its
+#: length. The leakage of such a part scatters by less than 1 %, except near closing.
 MOST_TILES = 4000
-#: Largest number of pressure paths on which every cell is interpolated, under one map and under several maps at
-#: different loads. If there are more paths, similar ones are merged, see `distinct_paths`.
+#: Largest number of pressure paths on which every cell is interpolated: first with a single pressure map, then with
+#: several pressure maps for different loads. If there are more paths, similar paths are merged, see `distinct_paths`.
 MOST_PATHS, MOST_OF_SEVERAL = 512, 4096
 #: A warning is given if the mean of a pressure field differs from the load for which it is valid by this fraction.
 _OFF_LOAD = 0.1
@@ -41,26 +42,27 @@ FLUID_PRESSURES = 9
 
 @dataclass(frozen=True)
 class Sampling:
-    """Hold the options of the seals of the stochastic study.
+    """Hold the options of the stochastic study: size of the seal, realisations, and contact pressure over the seal.
 
     Parameters
     ----------
     length : float or None, m
-        Length of a straight seal along x2, which is rounded to whole tiles. None if the layout defines the size of the
-        seal.
+        Length of a straight seal along x2, which is rounded to whole tiles; None for a seal whose layout defines the
+        size, such as a ring.
     realisations : int, optional
-        Number of realisations. By default as many are solved as the 95 % interval needs, see `stochastic`.
+        Number of realisations. By default, the stochastic study itself chooses a number that is sufficient for the 95 %
+        interval, see `stochastic`.
     seed : int
         Seed of all random numbers.
     breadth : float, optional, m
-        Breadth of a straight seal from inlet to outlet. The default is the breadth of the surface.
+        Width of a straight seal from inlet to outlet; by default, the width of the surface.
     pressure_map : optional
-        Contact pressure over the seal, as a fraction of the nominal pressure, see `seal.pressure_map`.
+        Map of the ratio of the contact pressure to the nominal pressure over the seal, see `seal.pressure_map`.
     form : optional
-        Form of the whole seal, from which the pressure of its tiles is computed. It is a form of `seal.form`, a seat
-        such as `CrownedSeat`, or several of them, whose heights are added.
+        Form deviation of the whole seal, from which the pressure of each tile is computed: a form of `seal.form`, a
+        seat such as `CrownedSeat`, or several forms and seats, whose heights are added.
     median_fields : bool
-        Whether to keep the fields of the realisation whose leakage is nearest to the median.
+        Whether the result contains the fields of the realisation whose leakage is nearest to the median leakage.
 
     Raises
     ------
@@ -70,7 +72,7 @@ class Sampling:
 
     Examples
     --------
-    >>> Sampling(0.1, seed=1, breadth=2e-3).presses_evenly  # 0.1 m long, 2 mm broad
+    >>> Sampling(0.1, seed=1, breadth=2e-3).presses_evenly  # 0.1 m long, 2 mm wide
     True
     """
 
@@ -111,11 +113,11 @@ def cut_and_cover(
 ) -> tuple[Cut, SealTiles]:
     """Cut a surface into cells along x1 and x2, and cover the seal with tiles that are each as large as a cell.
 
-    The cells stay in order if the seal is as broad as the surface and all of its tiles have the same pressure.
+    The cells stay in order if the seal is as wide as the surface and all tiles have the same pressure.
 
-    cells : numbers of cells along x1 and x2. None chooses numbers that suit the seal, see `usual_cells`.
+    cells : numbers of cells along x1 and x2; if None, the usual numbers are chosen, see `usual_cells`.
 
-    Raises InputError for cells that are too small, and for the reasons of `seal.layouts.Layout.lay_out`.
+    Raises InputError if the cells are too small, and in the cases listed in `seal.layouts.Layout.lay_out`.
     """
     presses_evenly = sampling.presses_evenly
     most_tiles = MOST_TILES if presses_evenly else None
@@ -126,8 +128,8 @@ def cut_and_cover(
         tiles = layout.lay_out(cell_size)
         return cut, replace(tiles, in_order=tiles.in_order and presses_evenly)
 
-    # The usual number of cells depends on whether they stay in order. This is only known when the tiles are laid out.
-    # First assume that the cells stay in order, and cut the surface again if they do not.
+    # The usual number of cells depends on whether the cells stay in order. The order is only known when the tiles are
+    # laid out. First assume that the cells stay in order, and cut the surface again if they do not.
     cut, tiles = cut_and_lay_out(in_order=True)
     if cells or tiles.in_order:
         return cut, tiles
@@ -135,7 +137,7 @@ def cut_and_cover(
 
 
 def seal_for_maps(layout: Layout, tiles: SealTiles) -> PressedSeal:
-    """Return the seal in the coordinates in which pressure maps are given."""
+    """Return the outlines of a seal in the coordinates in which pressure maps are given."""
     return PressedSeal(layout.frame(tiles.size), tiles.outlines[tiles.unrepeated_elements])
 
 
@@ -154,11 +156,13 @@ def pressure_fractions(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> 
 def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
     """Group tiles that have nearly the same pressure at every load step.
 
-    A pressure path contains the pressure of a tile at each load step. If there are too many distinct paths, the cube
-    roots of the fractions are rounded to a number of levels, because ln k is nearly linear in the cube root of the
-    pressure. The number of levels is reduced until there are no more than `MOST_PATHS` (or `MOST_OF_SEVERAL`) paths.
-    Each path is the mean of the tiles that share it. For two maps, the limit of 512 paths changed the leakage by less
-    than 3e-4.
+    A pressure path is the sequence of the pressures of a tile at all load steps. If there are too many different
+    pressure paths, the pressures are rounded, so that similar paths become equal. The cube roots of the pressures are
+    rounded to equidistant values, because the logarithm of the permeability is nearly linear in the cube root of the
+    pressure. The distance of these values is increased until there are no more than `MOST_PATHS` paths
+    (`MOST_OF_SEVERAL` paths with several pressure maps for different loads). The pressure of a path is the mean
+    pressure of the tiles that share this path. In tests with two pressure maps, the limit of 512 paths changed the
+    leakage by less than 3e-4.
 
     Parameters
     ----------
@@ -168,9 +172,9 @@ def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
     Returns
     -------
     paths : array (steps, paths)
-        Distinct pressure paths.
+        Pressures along the distinct paths, as fractions of the nominal pressure.
     path_of_tile : array (tiles,)
-        Number of the path of each tile.
+        Index of the pressure path of each tile.
     """
     differs_by_step = np.ptp(fractions, axis=0).any()
     most_paths = MOST_OF_SEVERAL if differs_by_step else MOST_PATHS
@@ -191,9 +195,10 @@ def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
 
 
 def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str, ...]:
-    """Check a pressure map before a run, and return warnings.
+    """Check a pressure map before a run, and return warnings about implausible pressures.
 
-    Raises InputError if the map does not cover the seal, or if a tile has more pressure than the bodies can carry.
+    Raises InputError if the map does not cover the seal, or if the pressure of a tile is higher than the bodies can
+    carry.
     """
     if is_uniform(pressure_map):
         return ()
@@ -225,9 +230,9 @@ def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str
 def _field_means(
     scene: Scene, tiles: SealTiles, pressure_map: AnyMap
 ) -> list[tuple[float | None, float]]:
-    """Return the load for which each pressure field is valid, and the mean of the field over the seal [Pa].
+    """Return pairs (load, mean pressure over the seal) [Pa] of all pressure fields in a pressure map.
 
-    The load is None for a field that is valid at all loads.
+    The load is the load at which the pressure field is valid, or None if the pressure field is valid at all loads.
     """
     seal = seal_for_maps(scene.layout, tiles)
     maps_at_loads: Iterable[tuple[float | None, Any]] = [(None, pressure_map)]
@@ -241,7 +246,7 @@ def _field_means(
 
 
 def _field_warnings(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Iterator[str]:
-    """Warn of pressure fields whose mean is far from the loads."""
+    """Yield a warning for each pressure field whose mean over the seal is far from the loads."""
     loads = scene.steps.pressures[scene.steps.pressures > 0]
     for load, mean in _field_means(scene, tiles, pressure_map):
         text = f"has the mean {to_text(mean, 'Pa', 3)} over the seal"
@@ -253,7 +258,10 @@ def _field_warnings(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Ite
 
 
 def describe_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> str:
-    """Describe the range of a pressure map over the seal and the mean of its fields; return "" for a uniform map."""
+    """Describe the range of a pressure map over the seal, and the mean values of its pressure fields.
+
+    The description of a uniform pressure map is "".
+    """
     if is_uniform(pressure_map):
         return ""
     fractions = pressure_fractions(scene, tiles, pressure_map)
@@ -273,10 +281,10 @@ class TileFluid:
     pressures : tuple of float, Pa
         Fluid pressures.
     piecewise : bool
-        How permeabilities are interpolated between these pressures, see `flow.PermeabilityTable`.
+        How permeabilities are interpolated between the fluid pressures, see `flow.PermeabilityTable`.
     relief : array (pressures,) or (1,), Pa
-        How much the fluid reduces the contact pressure of a cell: one value for each of the fluid pressures, or a
-        single value if it is the same for all of them.
+        Relief: reduction of the contact pressure of a cell by the fluid. The array contains one relief for each fluid
+        pressure, or a single relief that is valid at all fluid pressures.
     """
 
     pressures: tuple[float, ...]
@@ -285,11 +293,14 @@ class TileFluid:
 
     @classmethod
     def of(cls, scene: Scene) -> TileFluid:
-        """Choose the fluid pressures for a scene.
+        """Choose the fluid pressures at which the cells of a scene are computed.
 
-        A flow law that depends on the fluid pressure determines the pressures. Otherwise a single pressure is enough,
-        unless the fluid pressure acts on the surfaces and falls from inlet to outlet: then `FLUID_PRESSURES` pressures
-        from outlet to inlet are chosen.
+        There are three cases:
+
+        - If the flow law depends on the fluid pressure, the fluid pressures of the flow law are used.
+        - If the fluid pressure acts on the surfaces and falls from inlet to outlet, `FLUID_PRESSURES` pressures between
+          the outlet pressure and the inlet pressure are used.
+        - In all other cases, a single fluid pressure is sufficient.
         """
         drop, fluid = scene.flow.drop, scene.acting_fluid
         pressures = tuple(drop.pressures)
@@ -298,8 +309,8 @@ class TileFluid:
             return cls(pressures)
         if fluid.inlet != fluid.outlet and not drop.law.depends_on_pressure:
             # ln k is a nearly linear function of the cube root of the contact pressure, which is the nominal pressure
-            # minus the fluid pressure. The fluid pressures are chosen so that these cube roots are evenly spaced at the
-            # lowest load.
+            # minus the fluid pressure. The fluid pressures are chosen so that the cube roots of the contact pressures
+            # are evenly spaced at the lowest load.
             lowest_load = min((p for p in scene.steps.pressures if p > 0), default=0.0)
             nominal = max(lowest_load, fluid.inlet, fluid.outlet)
             root_at_outlet = float(np.cbrt(nominal - fluid.outlet))
@@ -312,36 +323,37 @@ class TileFluid:
         return cls(pressures, piecewise, relief)
 
     def effective_pressures(self, paths: Array) -> Array:
-        """Compute the contact pressures: the nominal pressures minus the reliefs, but at least 0.
+        """Compute the contact pressures of all paths under all reliefs: nominal pressure minus relief, but at least 0.
 
         Parameters
         ----------
         paths : array (steps, paths), Pa
-            Nominal pressures.
+            Nominal pressures of the pressure paths.
 
         Returns
         -------
         array (steps, reliefs × paths), Pa
-            Contact pressures: first all paths under the first relief, then all paths under the second relief, and so
-            on.
+            Contact pressures. The second axis contains first all paths under the first relief, then all paths under the
+            second relief, and so on.
         """
         reliefs = self.relief[:, None, None]
         contact_pressures = np.maximum(paths[None] - reliefs, 0.0)  # (relief, step, path)
         return np.concatenate(list(contact_pressures), axis=1)
 
     def select_matching_reliefs(self, k: Array) -> Array:
-        """Select, for each fluid pressure, the permeabilities under the relief that this fluid pressure causes.
+        """Select the permeabilities in which the relief belongs to the fluid pressure.
 
         Parameters
         ----------
         k : array (pressures, 2, steps, reliefs × paths, cells), m³
-            Permeabilities on the paths of `effective_pressures`, for all combinations of fluid pressure and relief. The
-            first axis has length 1 if the flow law does not depend on the pressure.
+            Permeabilities on the paths that `effective_pressures` returns, for all combinations of fluid pressure and
+            relief. The axis of the fluid pressures has length 1 if the flow law does not depend on the fluid pressure.
 
         Returns
         -------
         array (pressures, 2, steps, paths, cells), m³
-            Permeabilities without the axis of the reliefs.
+            Permeabilities on the nominal pressure paths; the relief always belongs to the fluid pressure of the first
+            axis.
         """
         if self.relief.size == 1:
             return k

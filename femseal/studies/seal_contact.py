@@ -1,25 +1,25 @@
-"""Solve the contact of a whole seal that has a form: the nominal pressure of its tiles at every step.
+"""Compute the nominal pressure of all tiles of a seal with a form deviation, from the contact of the whole seal.
 
 The roughness is treated as a layer between two smooth half-spaces. Under the pressure p, the mean planes of the rough
-surfaces are at the distance s(p) from each other. The contact of the measured surface gives s(p), on loading and on
-unloading from every peak (`rough_layer`). Consider a point of the seal that lies h below the highest point. If this
-point is in contact, it satisfies
+surfaces are at the distance s(p) from each other. The function s(p) is computed from the contact of the measured
+surface, on loading and on unloading (see `rough_layer`). For a contact point of the seal at the depth h below the
+highest point of the form, the equilibrium condition is
 
     h + K (p − p₀) − δ = s(p),
 
 where K p is the displacement of the half-spaces under the pressures p, p₀ the uniform part of the pressure and δ the
-approach of the bodies. If the point is not in contact, the left side is larger than s(0). The solution minimises
-½ (p − p₀)·K (p − p₀) + h·p − Σ∫s dp under the given load (`contact_points`). Where the roughness is nearly flattened,
-the bodies themselves yield at a fixed pressure and are permanently indented. A form that does not vary along the seal
-is solved in plane strain.
+approach of the bodies. For a point without contact, h + K (p − p₀) − δ is larger than s(0). The solution minimises the
+energy ½ (p − p₀)·K (p − p₀) + h·p − Σ∫s dp under the given load (see `contact_points`). Where the roughness is nearly
+flattened, the solids under the roughness yield at a fixed pressure and are permanently indented. The contact of a form
+deviation that does not vary along the seal is solved in plane strain.
 
-The uniform part p₀ is the pressure that every row of the seal carries. In this model, it does not deform the bodies.
-Otherwise, a seal without form would be a flat punch, whose pressure at the edges is up to three times the mean; but
-such a seal is assumed to be pressed evenly. With the uniform part left out of the deformation, the pressure is uniform
-if the form has zero height. If the contact band does not reach the edges of the seal, p₀ is 0, and the solution is that
-of two half-spaces.
+The uniform part p₀ of the pressure is the smallest mean pressure of a row of points along the seal. The model neglects
+the deformation of the bodies by the uniform part p₀. A seal without form deviation therefore has a uniform pressure, as
+in all other studies. With the deformation by p₀, the same seal would act as a flat punch, with up to three times the
+mean pressure at its edges. If the contact band does not reach the edges of the seal, p₀ is 0, and the contact is
+computed exactly as for two half-spaces.
 
-Source: Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (a rough layer on smooth bodies).
+Source of the model of a rough layer on smooth bodies: Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153.
 """
 
 from __future__ import annotations
@@ -42,31 +42,33 @@ from ..topography.seat import check_form
 from .contact_points import ContactPoints, solve_steps
 from .rough_layer import HIGHEST_PRESSURE, RoughLayer
 
-#: A tile counts as having the mean pressure of the seal if its pressure differs by less than this fraction. It is ten
-#: times the tolerance of the contact.
+#: A tile counts as having the mean pressure of the seal if the pressure of the tile differs by less than this fraction.
+#: The fraction is ten times the tolerance of the contact solver.
 _SAME_PRESSURE = 1e-4
-#: A form counts as constant along the seal if its depth varies by less than this fraction there.
+#: A form counts as constant along the seal if the variation of its height along the seal is less than this fraction of
+#: its total height.
 _SAME_DEPTH = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class SealContact:
-    """Hold the contact of a seal with a form at every load step.
+    """Hold pressure and separation over a seal with a form deviation, at every load step.
 
     Parameters
     ----------
     grid : ContactGrid
-        Points over the seal.
+        Grid of points over the seal.
     depth : array (n1, n2) or (n1, 1), m
-        Depth of each point below the highest point. There is a single column if the form does not vary along the seal.
+        Depth of each grid point below the highest point of the form. The array has a single column if the form does not
+        vary along the seal.
     nominal : array (steps,), Pa
         Nominal pressure of the whole seal.
     pressure : array (steps, n1, n2), Pa
-        Pressure of each point.
+        Contact pressure at each grid point.
     separation : array (steps, n1, n2), m
-        Distance between the mean planes of the rough surfaces.
+        Distance between the mean planes of the rough surfaces at each grid point.
     opening : array (steps, n1, n2), m
-        How much larger the separation is than at first touch; 0 for points in contact.
+        Opening: separation minus the separation at which the rough surfaces just touch; 0 at points in contact.
     """
 
     grid: ContactGrid
@@ -78,16 +80,17 @@ class SealContact:
 
     @property
     def row_pressure(self) -> Array:
-        """Mean pressure of each row of points (steps, n1) [Pa]."""
+        """Mean contact pressure of each row of grid points along the seal (steps, n1) [Pa]."""
         return self.pressure.mean(axis=2)
 
     @property
     def pressure_fractions(self) -> Array:
-        """Pressure of each tile divided by the pressure of the seal (steps, tiles); 1 at steps without load."""
+        """Pressure of each tile divided by the mean pressure of the seal (steps, tiles); 1 at steps without load."""
         tile_pressure = self.grid.means(self.pressure)  # (step, tile)
         nominal = self.nominal[:, None]
         # A point of the grid may cover several tiles, so that the mean over the tiles differs slightly from the nominal
-        # pressure. On a strip or ring, all tiles have equal areas, and this mean is taken as the pressure of the seal.
+        # pressure. On a strip or ring, all tiles have equal areas, and the mean over the tiles is taken as the pressure
+        # of the seal.
         seal_pressure = nominal
         if self.grid.has_rows:
             seal_pressure = tile_pressure.mean(axis=1, keepdims=True)
@@ -98,7 +101,7 @@ class SealContact:
 
     @property
     def added_permeability(self) -> Array:
-        """Permeability that the opening beyond first touch adds to each tile (steps, tiles) [m³]."""
+        """Increase of the permeability of each tile by the opening of the surfaces (steps, tiles) [m³]."""
         return self.grid.means(opening_permeability(self.separation, self.opening))
 
 
@@ -109,20 +112,20 @@ def solve_seal_contact(
     mapper: Mapper = map,
     layer: RoughLayer | None = None,
 ) -> SealContact:
-    """Solve the contact of a seal with a form at every load step.
+    """Solve the contact of a seal with a form deviation at every load step.
 
     Parameters
     ----------
     scene : Scene
-        The surface, which is the rough layer of the seal, and its load.
+        The rough surface of the seal, and the load.
     tiles : SealTiles
         Tiles of the seal.
     forms : sequence of SealForm
-        Forms of the seal, whose heights are added.
+        Form deviations of the seal, whose heights are added.
     mapper : callable
-        Computes the items of a stage.
+        Function such as the builtin `map`, which computes a stage for many items.
     layer : RoughLayer, optional
-        Rough layer of the surface. By default, it is solved here.
+        Rough layer of the surface. By default, the rough layer is computed by this function.
 
     Raises
     ------
@@ -144,7 +147,7 @@ def solve_seal_contact(
         capacity = to_text(yield_pressure, "Pa", 3)
         expected = f"less than {HIGHEST_PRESSURE:.0%} of what the faces carry, {capacity}: the bodies yield there"
         raise InputError("load", f"{to_text(highest, 'Pa', 3)} on a seal with a form", expected)
-    # number of the row of each point; a mesh has no rows, so that all of it counts as one row
+    # index of the row of each point; a mesh has no rows, so that all points of a mesh count as one row
     rows = np.arange(len(depth))[:, None] if grid.has_rows else np.zeros((1, 1), int)
     row = np.broadcast_to(rows, depth.shape)[inside]
     points = ContactPoints(body, inside, depth[inside], yield_pressure, row)
@@ -154,18 +157,20 @@ def solve_seal_contact(
 
 
 def opening_permeability(separation: Array, opening: Array) -> Array:
-    """Return how much the permeability increases if the surfaces are moved apart beyond first touch [m³].
+    """Return the increase of the permeability where the rough surfaces do not touch [m³].
 
-    With the separation s of the mean planes and the opening e beyond first touch, it increases by (s³ − (s − e)³)/12.
-    This is accurate if the opening is either small, or large compared with the roughness.
+    Let s be the separation of the mean planes. The opening e is s minus the separation at which the rough surfaces just
+    touch. The permeability increases by (s³ − (s − e)³)/12 between first touch and the separation s. The formula is
+    accurate for openings much smaller than the roughness and for openings much larger than the roughness.
     """
     return cubic_law(separation) - cubic_law(separation - opening)
 
 
 def remove_waves_of_forms(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> Scene:
-    """Remove the long waves of the measured surface that the forms of the seal already contain.
+    """Remove the long waves of the measured surface that the form deviation of the seal already contains.
 
-    A wave is removed if it is longer than both the shortest wave of the forms and two tiles.
+    The cut-off wavelength of the filter is the larger of two lengths: the shortest wavelength of the forms, and twice
+    the longer side of a cell.
     """
     shortest = max(min((form.shortest_wave for form in forms), default=inf), 2 * max(cut.size))
     if shortest >= 2 * max(scene.surface.shortest_patch.size):
@@ -181,9 +186,10 @@ def sample_form(
     Returns
     -------
     grid : ContactGrid
-        The points.
+        The grid of points.
     depth : array (n1, n2) or (n1, 1), m
-        Depths, NaN outside of the seal. There is a single column if the form does not vary along the seal.
+        Depth of each grid point, NaN outside of the seal. The array has a single column if the form does not vary along
+        the seal.
 
     Raises
     ------
@@ -207,5 +213,5 @@ def sample_form(
             heights = heights_on(grid)[:, :1]
     breadth = to_text(tiles.seal.size[0], "m", 3)
     inside = grid.inside[:, : heights.shape[1]]
-    check_form("form", f"a seal {breadth} broad", heights, grid.spacing, inside)
+    check_form("form", f"a seal {breadth} wide", heights, grid.spacing, inside)
     return grid, np.nanmax(heights) - heights
