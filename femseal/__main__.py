@@ -1,4 +1,4 @@
-"""Run the command line of femseal by `python -m femseal`, with the interpreter that is called."""
+"""Run the command line of femseal in the Python interpreter that is called as `python -m femseal`."""
 
 from .cli import main
 

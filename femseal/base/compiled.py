@@ -3,10 +3,11 @@
 Results are identical to the last bit for any number of threads, because the division of an array into parts only
 depends on its size, and the values of the parts are added in a fixed order.
 
-Compiled loops are cached on disk. They release the global lock of the Python interpreter, so that threads can run them
-at the same time. By default Numba also compiles an entry point for calls from C, and an entry point for calls from
-Python even for functions that are only called by compiled code. Both entry points are switched off here, which saves a
-twelfth of the compile time.
+Compiled loops are cached on disk. Compiled loops release the global lock of the Python interpreter, so that several
+threads can run compiled loops at the same time. By default, Numba also compiles two entry points for each function: one
+for calls from C, and one for calls from Python. This module switches off the entry point for C everywhere, and the
+entry point for Python if only compiled code calls the function. Leaving out these entry points saves a twelfth of the
+compile time.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -37,7 +38,7 @@ def thread_count() -> int:
 
 @contextmanager
 def using_threads(threads: int) -> Iterator[None]:
-    """Set the number of threads that may share the work on an array within this context."""
+    """Set the number of threads that may share the work on an array inside a `with` block."""
     global _threads
     previous = _threads
     _threads = threads
@@ -48,18 +49,18 @@ def using_threads(threads: int) -> Iterator[None]:
 
 
 def parts(n: int, length: float) -> list[tuple[int, int]]:
-    """Divide n items into nearly equal parts of about `length` items.
+    """Divide `n` items into consecutive parts of nearly equal size, each with about `length` items.
 
-    Returns the index of the first item of each part, and the index after its last item.
+    Returns a pair (first, end) for each part: the index of its first item, and the index of its last item plus 1.
     """
     count = max(1, round(n / length))
     return [(n * i // count, n * (i + 1) // count) for i in range(count)]
 
 
 def rows(n1: int, n2: int) -> list[tuple[int, int]]:
-    """Divide the rows of an array (n1, n2) into parts; a small array is a single part.
+    """Divide the rows of an array (n1, n2) into consecutive parts; a small array is a single part.
 
-    Returns the index of the first row of each part, and the index after its last row.
+    Returns a pair (first, end) for each part: the index of its first row, and the index of its last row plus 1.
     """
     return parts(n1, max(1.0, _POINTS / n2))
 
@@ -128,16 +129,16 @@ def compiled(**options: Any) -> Callable[[Any], Any]:
 def inner(**options: Any) -> Callable[[Any], Any]:
     """Return a decorator that compiles a function for calls from compiled functions only.
 
-    A call from Python would crash the interpreter.
+    Never call the decorated function from Python: the call would crash the interpreter.
     """
     return compiled(no_cpython_wrapper=True, **options)
 
 
 def leader(**options: Any) -> Callable[[Any], Any]:
-    """Return a decorator for a function that runs the steps of an algorithm, which are compiled functions.
+    """Return a decorator for a function that calls compiled functions one after another, the steps of an algorithm.
 
-    If it is called from Python, it runs in the interpreter, and the functions that it calls divide their work between
-    threads. If it is called from a compiled function, it is compiled as a part of that function.
+    If Python calls the decorated function, the interpreter executes it, and the compiled functions divide their work
+    between threads. If compiled code calls the decorated function, Numba compiles it as a part of this code.
     """
     decorator: Callable[[Any], Any] = register_jitable(**options)
     return decorator
@@ -147,9 +148,9 @@ def by_rows(**options: Any) -> Callable[[Any], Any]:
     """Return a decorator that compiles a loop over rows and divides the rows between the threads.
 
     The loop has the signature `loop(first, end, field, *arguments)` and processes the rows `first` to `end - 1`. The
-    decorated function has the signature `function(field, *arguments)`. It processes all rows except the first and the
-    last one, which are a border. If it is called from Python, the rows are divided between the threads. If it is called
-    from a compiled function, the loop is called once for all rows.
+    decorated function has the signature `function(field, *arguments)`. The first and the last row of `field` are its
+    border and are not processed. If Python calls the decorated function, the rows are divided between the threads. If
+    compiled code calls the decorated function, the loop runs once for all rows.
     """
 
     def decorate(function: Any) -> Any:
@@ -179,14 +180,14 @@ def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[An
     """Return a decorator that compiles a loop over the items of lists and divides the items between the threads.
 
     The loop has the signature `loop(first, end, *arguments)` and processes the items `first` to `end - 1`. The
-    decorated function has the signature `function(n, *arguments)`, where n is the number of items. If it is called from
-    Python, the items are divided between the threads. If it is called from a compiled function, the loop is called once
-    for all items.
+    decorated function has the signature `function(n, *arguments)`, where n is the number of items. If Python calls the
+    decorated function, the items are divided between the threads. If compiled code calls the decorated function, the
+    loop runs once for all items.
 
     Parameters
     ----------
     merged : callable
-        Function that combines the list of the values of all parts into one value, for example `summed`.
+        Function that combines the list of the return values of all parts into one value, for example `summed`.
     **options
         Further options of Numba.
     """
@@ -212,7 +213,11 @@ def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[An
 
 
 def summed(values: list[Any]) -> Any:
-    """Add up a list of numbers, or a list of tuples member by member; return None if the values are None."""
+    """Add the return values of all parts.
+
+    A value is a number, or a tuple of numbers, which are added member by member. The sum of values that are None is
+    None.
+    """
     if isinstance(values[0], tuple):
         return tuple(map(sum, zip(*values, strict=True)))
     if values[0] is None:

@@ -34,7 +34,7 @@ class FemsealError(Exception):
 class NotKept(FemsealError):
     """Report that results cannot be written or read.
 
-    The run stops, because results computed afterwards could not be resumed.
+    This error stops a run, because a run that cannot store its results could not be resumed later.
     """
 
 
@@ -46,12 +46,13 @@ class InputError(FemsealError, ValueError):
     what : str
         Name of the input.
     given : object
-        The value that was given. Use "" if the value would not help the reader, and `MISSING` if no value was given.
+        The value that the user has given. Use "" if the value would not help the reader of the message, and `MISSING`
+        if the user has given no value.
     expected : str
         Description of the values that are accepted.
     suggested : mapping, optional
-        Values that `expected` suggests for other arguments, by the name of the argument. In the text they are written
-        as "name=value".
+        Values that the text `expected` suggests for other arguments, by the names of these arguments. The text contains
+        each suggestion as "name=value".
 
     Examples
     --------
@@ -79,11 +80,11 @@ class InputError(FemsealError, ValueError):
         return f"{shortened(self.what)}: {description}expected {self.expected}"
 
     def inside(self, table: str) -> InputError:
-        """Return the same error with the table added to the name of the input, such as "load.map" for "map"."""
+        """Return a copy of the error in which the table precedes the name of the input, as in "load.map"."""
         return InputError(f"{table}.{self.what}", self.given, self.expected, self.suggested)
 
     def with_keys(self, keys: Mapping[str, str]) -> InputError:
-        """Return the same error with the names of arguments replaced by keys of a case file.
+        """Return a copy of the error in which keys of a case file replace the names of arguments.
 
         >>> error = InputError("wave", "1 µm", "2 µm, or shape=(4, 8)", {"shape": (4, 8)})
         >>> str(error.with_keys({"wave": "surface.shortest_wave", "shape": "surface.points"}))
@@ -113,7 +114,7 @@ class InputError(FemsealError, ValueError):
 class InputErrors(InputError):
     """Report several inputs that cannot be used.
 
-    The attributes `what`, `given` and `expected` are those of the first fault.
+    The attributes `what`, `given` and `expected` describe the first of these inputs.
 
     Parameters
     ----------
@@ -173,7 +174,7 @@ class NotConverged(FemsealError, RuntimeError):
     message : str
         Message that states the residual that was reached and what the user can try.
     residual : float
-        The residual that was reached, NaN if there is none.
+        Residual after the last iteration; NaN if the iteration has no residual.
     """
 
     def __init__(self, message: str, residual: float = float("nan")) -> None:

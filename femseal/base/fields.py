@@ -1,8 +1,9 @@
 """Declare the fields of results: name, unit, meaning, dimensions and column heading.
 
-Each field is declared once. The declaration provides its name and unit for the dataset and its netCDF file, for files
-for ParaView, for tables and for pictures. A class of results declares its stored fields with `declared`, and the fields
-that it computes from them in `computed_fields`. A field that combines several results is declared where it is computed.
+Each field is declared once. The dataset, its netCDF file, files for ParaView, tables and pictures take the name and the
+unit of a field from its declaration. A class of results declares its stored fields with `declared`, and the fields that
+it computes from them in `computed_fields`. A field that is computed from several results is declared in the module that
+computes it.
 """
 
 from __future__ import annotations
@@ -63,7 +64,7 @@ class Field:
     Parameters
     ----------
     name : str
-        Name in the dataset and in all files.
+        Name of the field in the dataset and in all files.
     unit : str
         SI unit, such as "m^2/s", or "1" for a number without a unit.
     long_name : str
@@ -71,8 +72,8 @@ class Field:
     dimensions : tuple of str
         Names of the dimensions, in the order of the axes.
     heading : str
-        Heading of the column in printed tables, "" if no table contains the field. Only fields with one value for each
-        load step can have a heading.
+        Heading of the column in printed tables, "" if no table contains the field. Only a field with one value for each
+        load step can be a column of a table and have a heading.
     """
 
     name: str
@@ -83,7 +84,7 @@ class Field:
 
     @classmethod
     def from_variable(cls, variable: xarray.DataArray) -> Field:
-        """Read the declaration back from a variable of a dataset."""
+        """Make the declaration of a field from its variable in a dataset."""
         attrs = variable.attrs
         return cls(
             name=str(variable.name),
@@ -95,7 +96,7 @@ class Field:
 
     @property
     def attrs(self) -> dict[str, Any]:
-        """Attributes of the variable in the dataset."""
+        """Unit, description and heading of the field, as attributes of its variable in a dataset."""
         attributes = {"units": self.unit, "long_name": self.long_name}
         if self.heading:
             attributes["heading"] = self.heading
@@ -103,18 +104,18 @@ class Field:
 
     @property
     def scale(self) -> float:
-        """Factor that converts SI values to the unit used in pictures and in files for ParaView."""
+        """Factor that converts a value in SI to the unit of pictures and of files for ParaView."""
         return READABLE.get(self.unit, ("", 1.0))[1]
 
     @property
     def array_name(self) -> str:
-        """Name in files for ParaView, which includes the unit used there, such as "mean_gap_um"."""
+        """Name of the field in files for ParaView, which includes the unit in these files, such as "mean_gap_um"."""
         readable_unit, _ = READABLE.get(self.unit, (self.unit, 1.0))
         return with_unit(self.name, readable_unit)
 
     @property
     def column_name(self) -> str:
-        """Name in machine-readable tables, which includes the SI unit, such as "leakage_mean_m2_per_s"."""
+        """Name of the field in machine-readable tables, which includes the SI unit, such as "leakage_mean_m2_per_s"."""
         return with_unit(self.name, self.unit)
 
 
@@ -145,7 +146,7 @@ def declared(
 ) -> Any:
     """Declare an attribute of a dataclass that is a field of the results.
 
-    The first five parameters are those of `Field`; `default` and `repr` are those of `dataclasses.field`.
+    The first five parameters are the attributes of `Field`; `default` and `repr` are passed to `dataclasses.field`.
     """
     declaration = Field(name, unit, long_name, dimensions, heading)
     metadata = {"field": declaration, "unit": unit, "long_name": long_name}
@@ -155,7 +156,7 @@ def declared(
 def fields_of(result: Any) -> Iterator[tuple[Field, Any]]:
     """Yield the declared fields of a result with their values.
 
-    Fields whose value is None are left out. Computed fields come after the stored ones.
+    Fields whose value is None are left out. The stored fields come first, then the computed fields.
     """
     stored = {f.name: f.metadata["field"] for f in fields(result) if "field" in f.metadata}
     computed = getattr(result, "computed_fields", {})

@@ -49,7 +49,7 @@ def opened_plain(path: Path) -> Iterator[BinaryIO]:
 
 
 def read_plain(path: Path, largest: float) -> bytes:
-    """Return the content of a regular file of at most `largest` bytes, see `opened_plain`.
+    """Return the content of a regular file of at most `largest` bytes; refuse links, pipes and devices.
 
     Raises
     ------
@@ -68,8 +68,8 @@ def read_plain(path: Path, largest: float) -> bytes:
 def remove_foreign(path: Path) -> None:
     """Remove a link, pipe or device at the path of a file that is to be written.
 
-    Writing through it could change something elsewhere. A regular file with further hard links is removed as well;
-    other regular files and folders stay.
+    Writing to a link, pipe or device could change something in another place. A regular file with further hard links is
+    removed as well; other regular files and folders stay.
 
     Raises
     ------
@@ -97,8 +97,8 @@ def is_inside(folder: Path, name: Path) -> bool:
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the same folder, which replaces `path` when the context ends.
 
-    The temporary path has the suffix of `path`. If an exception occurs, the temporary file is removed and an existing
-    file at `path` stays unchanged.
+    The temporary path has the same suffix as `path`. If an exception occurs, the temporary file is removed and an
+    existing file at `path` stays unchanged.
 
     Raises
     ------
@@ -124,7 +124,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def writing(what: str, path: object, kind: str = "a file") -> Iterator[None]:
-    """Convert an OSError in this context to an InputError that names the argument and its path.
+    """Convert an OSError inside a `with` block to an InputError that names the argument and its path.
 
     Parameters
     ----------

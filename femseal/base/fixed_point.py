@@ -27,7 +27,7 @@ class FixedPoint(Generic[Solution]):
     coefficient : object
         Coefficient for which the last solution was computed.
     rate : float
-        Rate in the last solution, for example a flow rate. The iteration stops when this value has converged.
+        Rate in the last solution, for example a flow rate. The iteration stops when the rate has converged.
     solutions : int
         Number of calls of `solve`.
     error : float
@@ -59,12 +59,13 @@ def fixed_point(
     coefficient : callable
         Function that computes the coefficient from a state, for example permeabilities from fluid pressures.
     solve : callable
-        Function that solves the problem for a given coefficient, and returns the rate, the new state and the solution.
+        Function that solves the problem for a given coefficient. The function returns the rate, the state from which
+        the next coefficient is computed, and the solution.
     state : array
         Initial state, NaN where the state is undefined.
     rtol : float
-        Largest relative error of the rate. From the third solution on, the last relative change of the rate is the
-        estimate of this error.
+        Largest relative error of the rate. From the third solution on, the relative change of the rate since the
+        previous solution is taken as its error.
     name : str
         Name of the problem, for the error message.
 

@@ -23,15 +23,15 @@ displays: dict[str, Callable[[], ModuleType]] = {}
 def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return the functions `__getattr__` and `__dir__` of a package whose names are loaded on first use.
 
-    The names are those that the `__init__.py` of the package imports under `TYPE_CHECKING`, and the names of its
-    modules. No imported name may be equal to the name of a module, because the module would replace it once it is
-    loaded.
+    The package has two kinds of names: the names of its modules, and the names that its `__init__.py` imports under
+    `TYPE_CHECKING`. An imported name must differ from the names of all modules. Otherwise the module would replace the
+    imported object, because Python stores a loaded module under its name in the package.
     """
     module = sys.modules[package]
 
     @cache
     def sources() -> dict[str, str]:
-        """Return, for each name, the module that defines it, relative to the package."""
+        """Return the relative name of the module that defines each name of the package, by this name."""
         tree = ast.parse(module.__spec__.loader.get_source(package))  # type: ignore[union-attr]
         source_of = {info.name: f".{info.name}" for info in iter_modules(module.__path__)}
         for node in ast.walk(tree):
@@ -62,10 +62,10 @@ def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
 def name_cache(package: Path) -> None:
     """Choose a folder in which Numba caches compiled loops, unless the user has set NUMBA_CACHE_DIR.
 
-    The name of the folder contains the time of this installation. The cache of an earlier version could refer to
-    classes that no longer exist, which would make the import fail. If neither the folder of the package nor the cache
-    folder of the user is writable, as in read-only containers, a temporary folder is used. Loops are then compiled once
-    for each run and shared by all its processes.
+    The name of the folder contains the time at which femseal was installed. The cache of an earlier version could refer
+    to classes that no longer exist, which would make the import fail. If neither the folder of the package nor the
+    cache folder of the user is writable, as in read-only containers, a temporary folder is used. With a temporary
+    folder, each run compiles the loops once, and all processes of the run share the compiled loops.
     """
     if os.environ.get("NUMBA_CACHE_DIR"):
         return

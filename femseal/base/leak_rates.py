@@ -1,16 +1,18 @@
 """Convert leakage between units, and look up the leakage classes of standards.
 
-A leakage is stored as a volume rate per length of seal [m²/s] at the reference density of the fluid. To convert it to a
-unit of `leak_units`, the length of the seal, the density of the fluid and, for a gas, its reference state are needed.
-For a given amount of gas, the product pressure × volume is proportional to the temperature. Leakages in units of
-pressure × volume therefore refer to a given temperature. Standard volumes refer to 0 °C and 101 325 Pa.
+A leakage is stored as a volume rate per length of seal [m²/s] at the reference density of the fluid. The conversion to
+a unit of `leak_units` requires the length of the seal, the density of the fluid and, for a gas, the reference state.
+For a given amount of gas, the product pressure × volume is proportional to the temperature. A leakage in a unit of
+pressure × volume is therefore only meaningful together with a temperature. Standard volumes refer to 0 °C and 101 325
+Pa.
 
-The limits of the classes are in `_TABLE`, with the edition of each standard. The limits of ISO 5208, which EN 12266-1
-has adopted, apply to closed valves and are multiplied by the nominal diameter in mm. Class A of ISO 5208 requires that
-no leakage is visible during the test; here it requires a leakage of 0. The limits of API 598 and FCI 70-2 apply to the
-seat of a valve, and the limits of ISO 15848-1 to the stem; the nominal diameter is the diameter of the seat or stem.
+The table `_TABLE` contains the limits of the classes and the edition of each standard. The limits of ISO 5208, which EN
+12266-1 has adopted, apply to closed valves and are multiplied by the nominal diameter in mm. Class A of ISO 5208
+requires that no leakage is visible during the test; here it requires a leakage of 0. The limits of API 598 and FCI 70-2
+apply to the seat of a valve, and depend on the diameter of the seat. The limits of ISO 15848-1 apply to the stem of a
+valve, and depend on the diameter of the stem.
 
-A leakage with its unit, such as "5 mL/min", can be used in place of a class.
+Instead of a class, the user can give a limit of the leakage with its unit, such as "5 mL/min".
 """
 
 import re
@@ -48,8 +50,8 @@ class LeakBasis:
     density : float
         Density of the fluid at its reference state [kg/m³], NaN if it is unknown.
     pressure, temperature : float, optional
-        Absolute pressure [Pa] and temperature [K] of the reference state of a gas. None for a liquid, whose leakage
-        cannot be given as pressure × volume or as a standard volume.
+        Absolute pressure [Pa] and temperature [K] of the reference state of a gas. None for a liquid: the leakage of a
+        liquid cannot be given as pressure × volume or as a standard volume.
     molar_mass : float, optional
         Molar mass of a gas [kg/mol].
     given_temperature : float, optional
@@ -86,7 +88,7 @@ class LeakBasis:
 
     @property
     def throughput_temperature(self) -> float | None:
-        """Temperature [K] to which leakages in units of pressure × volume refer; None for a liquid."""
+        """Temperature [K] at which leakages in units of pressure × volume are given; None for a liquid."""
         if self.is_gas and self.given_temperature is not None:
             return self.given_temperature
         return self.temperature
@@ -124,10 +126,9 @@ class LeakBasis:
         return unit.si / self._amount_per_volume(unit) / length
 
     def _amount_per_volume(self, unit: LeakUnit) -> float:
-        """Return the amount in 1 m³ of fluid at its reference state.
+        """Return the amount of fluid in 1 m³ at the reference state, measured in the quantity of a unit.
 
-        The kind of `unit` decides which amount is meant, for example the mass [kg], the volume [m³] or the number of
-        drops.
+        Depending on the kind of `unit`, the amount is for example a mass [kg], a volume [m³] or a number of drops.
         """
         if unit.kind == "volume":
             return 1.0
@@ -147,25 +148,25 @@ class LeakBasis:
         return pressure
 
     def units(self, names: Iterable[str] = USUAL_UNITS) -> list[LeakUnit]:
-        """Return the units in which the leakage can be given, out of the units with the given names."""
+        """Return the units with the given names, except units in which the leakage cannot be given."""
         return [LEAK_UNITS[name] for name in names if self.has(LEAK_UNITS[name])]
 
     def readable(self, values: ArrayLike) -> LeakUnit:
         """Choose one readable unit for several leakages [m²/s], for example for a column of a table.
 
-        The unit refers to the leakage of the whole seal. For a liquid it is a volume per time, and for a gas a pressure
-        × volume per time.
+        The chosen unit is a unit for the whole seal: a volume per time for a liquid, and pressure × volume per time for
+        a gas.
         """
         if self.is_gas:
             return LEAK_UNITS["mbar·L/s"]
         return readable_unit(reals(values) * self.length, per_length=False)
 
     def usual_unit(self, value: float) -> LeakUnit:
-        """Choose the unit in which engineers usually give a leakage of this size [m²/s], for the whole seal.
+        """Choose the unit in which engineers usually give the leakage of a whole seal, for a leakage of `value` [m²/s].
 
-        For a gas the unit is the standard litre per minute if the leakage is at least 1 std L/min, and otherwise
-        mbar·L/s, the unit of leak tests. For a liquid it is the largest of the units L/min, mL/min, drops per minute,
-        drops per hour and mL per year in which the leakage has a numerical value of at least 1.
+        The leakage of a gas is given in standard litres per minute if it is at least 1 std L/min, and otherwise in
+        mbar·L/s, the unit of leak tests. The leakage of a liquid is given in L/min, mL/min, drops per minute, drops per
+        hour or mL per year: in the largest of these units in which its numerical value is at least 1.
         """
         names = _USUAL_FOR_GASES if self.is_gas else _USUAL_FOR_LIQUIDS
         units = self.units(names)
@@ -189,7 +190,7 @@ _VI_LIMITS = np.array([0.15, 0.30, 0.45, 0.60, 0.90, 1.70, 4.00, 6.75, 11.1, 16.
 def _nominal_inches(diameter: float) -> float:
     """Convert a nominal diameter [m] to the nominal pipe size of API 598, in inches rounded down to half inches.
 
-    For sizes up to 2 inches the result is 0, because the standard allows no leakage there.
+    Return 0 for pipe sizes up to 2 inches, because API 598 allows no leakage of valves of these sizes.
     """
     # a nominal inch has 25 mm; the small number prevents that a size is rounded down because of rounding errors
     size = int(2 * diameter / 0.025 + 1e-9) / 2
@@ -199,19 +200,19 @@ def _nominal_inches(diameter: float) -> float:
 def _class_vi(diameter: float) -> float:
     """Return the limit of class VI [mL/min] for a diameter of the seat [m].
 
-    Between the tabulated diameters the limit is interpolated linearly in the square of the diameter. Above the largest
-    diameter it is NaN.
+    Between two diameters of the standard's table, the limit is interpolated as a linear function of the square of the
+    diameter. Above the largest diameter of the table, the limit is NaN.
     """
     limit = np.interp(diameter**2, _VI_DIAMETERS**2, _VI_LIMITS, right=np.nan)
     return float(limit)
 
 
 class _Multiplier(NamedTuple):
-    """Describe a quantity of the valve that enters a limit as a factor, such as the nominal diameter.
+    """Describe a quantity by which the limit of a leakage class is multiplied, such as the nominal diameter.
 
     key : name of the quantity in a case file.
     example : example of a value that a user may give, for messages.
-    factor : function that computes the factor from the quantity in SI units.
+    factor : function that converts the quantity in SI units to the factor of the limit.
     """
 
     key: str
@@ -278,7 +279,8 @@ class LeakClass:
         Parameters
         ----------
         basis : LeakBasis
-            Fluid and length of the seal; also the pressure drop and the capacity, if the limit depends on them.
+            Fluid and length of the seal. If the limit depends on the pressure drop or on the rated capacity, `basis`
+            must contain the pressure drop or the capacity as well.
         diameter : float, optional
             Nominal diameter of the valve, its seat or its stem [m], if the limit depends on it.
 
@@ -390,7 +392,7 @@ KNOWN = (
 
 
 def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
-    """Return the classes with the given names, without duplicates.
+    """Look up leakage classes by their names, and return each class once.
 
     Parameters
     ----------
@@ -401,7 +403,7 @@ def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
     Raises
     ------
     InputError
-        A name is not known.
+        A name is neither a class or standard nor a leakage with a unit.
     """
     classes = {}
     for name in names:

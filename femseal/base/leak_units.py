@@ -1,8 +1,8 @@
 """Define the units of leakage, and read their many spellings.
 
-A unit is an amount per time, or an amount per time and per length of seal. To add one, add its amount to `_AMOUNTS` and
-its name to `_NAMES`. Spellings are read factor by factor, so that "mbar l/s", "mbar*l/s" and "mbar·L·s⁻¹" are the same
-unit.
+A unit is an amount per time, or an amount per time and per length of seal. To add a unit, add its amount to `_AMOUNTS`
+and its name to `_NAMES`. Spellings are read factor by factor, so that "mbar l/s", "mbar*l/s" and "mbar·L·s⁻¹" are the
+same unit.
 """
 
 import re
@@ -27,11 +27,12 @@ class LeakUnit:
     name : str
         Name of the unit in its usual spelling.
     kind : str
-        Kind of amount: a volume, a mass, pressure × volume ("throughput"), a standard volume, drops or bubbles.
+        Quantity that the unit measures per time: "volume", "mass", "throughput" (pressure × volume), "standard"
+        (standard volume of a gas), "drops" or "bubbles".
     si : float
         Size of the unit in the SI unit of its kind: m³/s for volumes and standard volumes, kg/s for masses, Pa·m³/s for
-        pressure × volume, and 1/s for drops and bubbles. The size of a unit per length of seal is in these units per
-        metre.
+        pressure × volume, and 1/s for drops and bubbles. If the unit is a rate per length of seal, `si` is a rate per
+        metre, for example in m³/(s·m) for volumes.
     per_length : bool
         Whether the unit is a rate per length of seal.
     """
@@ -173,8 +174,8 @@ def leak_unit(text: str) -> LeakUnit:
 def _factors(text: str) -> _Factors:
     """Split the text of a unit into the factors of its numerator and of its denominator.
 
-    Everything after a slash belongs to the denominator, because people write mg/s·m for mg/(s·m). Both parts are empty
-    if the unit cannot be read.
+    Everything after a slash belongs to the denominator, because people write mg/s·m for mg/(s·m). The result is two
+    empty tuples if the unit cannot be read.
     """
     plain = text.translate(_CHARACTERS)
     above: list[str] = []
@@ -204,7 +205,7 @@ _BY_FACTORS: dict[_Factors, str] = {_factors(name): name for name in LEAK_UNITS}
 def leakage_unit(values: ArrayLike) -> tuple[float, str]:
     """Choose one readable unit for all given leakages per length of seal [m²/s].
 
-    The unit is chosen for the median of the leakages that are not 0.
+    In the chosen unit, the median of all leakages except zeros is a readable number.
 
     Returns
     -------
@@ -228,7 +229,8 @@ def readable_unit(values: ArrayLike, per_length: bool) -> LeakUnit:
     Parameters
     ----------
     values : array_like
-        Leakages in m²/s if `per_length`, otherwise in m³/s. Zeros and undefined values are ignored.
+        Leakages in m²/s if `per_length`, otherwise in m³/s. Leakages that are 0 or undefined have no influence on the
+        unit.
     per_length : bool
         Whether the leakages are per length of seal.
     """

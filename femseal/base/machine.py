@@ -2,8 +2,8 @@
 
 A large array, such as the gaps of all contact states, is stored in a file of plain numbers that is mapped into memory.
 This requires no further library. Views of the array behave like any other array, and other processes can open the file
-by its name. The file has no entry in its folder, so that it disappears with the run even if the run is killed. A
-resumed run does not need the file, because it reads the states from its `store`.
+by its name. The file has no entry in its folder, so that the file disappears with the run even if the run is killed. A
+run that is resumed later does not need the file: the run reads the contact states from its `store`.
 
 Versions are read from the metadata of the installation, without importing the packages.
 """
@@ -62,10 +62,10 @@ def free_memory() -> float:
 
 @contextmanager
 def within_free_memory() -> Iterator[None]:
-    """Raise MemoryError in this context if more memory is requested than is free now.
+    """Raise MemoryError if the code inside a `with` block requests more memory than is free at its beginning.
 
-    Without this limit, Linux would kill the process. The limit is used to read compressed files, whose uncompressed
-    size is unknown. On other operating systems this context has no effect.
+    Without a limit, Linux would kill a process that uses too much memory. The limit protects the reading of compressed
+    files, whose uncompressed size is unknown. On operating systems other than Linux, memory is not limited.
     """
     if sys.platform != "linux":
         yield
@@ -93,7 +93,7 @@ PART_OF_MEMORY = 1 / 16
 
 @contextmanager
 def sharing() -> Iterator[None]:
-    """Make arrays that `shared_empty` creates in this context accessible to other processes."""
+    """Make arrays accessible to other processes if `shared_empty` creates them inside the `with` block."""
     _shared.append([])
     try:
         yield
@@ -104,7 +104,7 @@ def sharing() -> Iterator[None]:
 
 @contextmanager
 def storing(folder: Path | None, memory: float | None = None) -> Iterator[None]:
-    """Store large arrays that `shared_empty` creates in this context in files of a folder.
+    """Store large arrays in files of a folder if `shared_empty` creates them inside the `with` block.
 
     folder : folder of the files; None for the system's folder for temporary files.
     memory : memory that the run may use [byte], at most the free memory; None for the free memory.
@@ -125,8 +125,9 @@ def lies_on_disk(size: float) -> bool:
 def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     """Create an array without initial values, like `numpy.empty`; a large array is stored in a file, see `storing`.
 
-    In the context `sharing`, on Linux, other processes receive a view of the array instead of a copy, so that values
-    that they write appear in this process. Memory and file are released with the last view, also if the run is killed.
+    Inside a `with` block of `sharing`, on Linux, other processes receive a view of the array instead of a copy. Values
+    that another process writes then appear in this process. When the last view is deleted, the memory and the file of
+    the array are released, even if the run is killed.
     """
     import numpy as np  # imported here, so that commands that only need versions start faster
 
@@ -152,7 +153,7 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
 
 
 def _unnamed_file(on_disk: bool) -> Any:
-    """Open a file without a name, either on disk in the folder of `storing`, or in memory."""
+    """Open a temporary file that has no entry in a folder: on disk, in the folder of `storing`, or in memory."""
     if not on_disk:
         return open(os.memfd_create("femseal"), "r+b")
     folder = _stores[-1][0] if _stores else None
@@ -169,14 +170,14 @@ def _reserve(file: Any, size: int, on_disk: bool) -> None:
 
 
 def give_back(array: NDArray[Any]) -> None:
-    """Release the memory of an array that is stored in a file; its content is read from the file again when needed."""
+    """Release the memory of an array that is stored in a file. The next access reads the array from the file again."""
     mapped = getattr(array, "_mmap", None)
     if mapped is not None and hasattr(mmap, "MADV_DONTNEED"):
         mapped.madvise(mmap.MADV_DONTNEED)
 
 
 def one_at_a_time(states: NDArray[Any]) -> Iterator[NDArray[Any]]:
-    """Yield the array of each state, and release its memory afterwards if it is stored in a file."""
+    """Yield the array of each state; after each state, release its memory if the states are stored in a file."""
     for state in states:
         yield state
         give_back(states)
@@ -204,7 +205,7 @@ _NUMERICAL = ("numpy", "scipy", "numba", "llvmlite", "pyfftw", "pyamg", "scikit-
 def versions() -> dict[str, str]:
     """Return the versions of femseal, Python and the packages that it uses.
 
-    A required package that is not installed has the version "–"; an optional one is left out.
+    A required package that is not installed has the version "–". An optional package that is not installed is left out.
     """
     result = {"femseal": __version__, "python": platform.python_version()}
     for name in (*_REQUIRED, *_OPTIONAL):

@@ -1,6 +1,6 @@
 """Convert between quantities with units as text and numbers in SI: '210 GPa' -> 210e9.
 
-Only this module handles quantities as text. All other modules use numbers in SI units.
+This module alone reads and writes quantities with units. All other modules use numbers in SI units.
 """
 
 import re
@@ -344,7 +344,8 @@ def as_text(value: Any, unit: str = "", *, percent: bool = False, joint: str = "
     Parameters
     ----------
     value : object
-        Angles are written in degrees, None and NaN as a dash, truth values as "yes" or "no".
+        The value in SI, or a tuple of values. Angles are written in degrees, None and NaN as a dash, and truth values
+        as "yes" or "no".
     unit : str
         SI unit of the value.
     percent : bool

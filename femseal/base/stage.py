@@ -1,4 +1,4 @@
-"""Describe a stage of a study: a function that is computed for many independent items, with a readable name."""
+"""Describe a stage of a study: a function, with a readable name, that is computed for many independent items."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -18,11 +18,13 @@ class Stage:
     name : str
         Readable description of the computation, for the progress display, the log, the timings and the report.
     function : callable
-        Function that computes the result of one item. It must be picklable, because it is sent to other processes.
+        Function that computes the result of one item. The function must be picklable, because it is sent to other
+        processes.
     memory : float
-        Memory that one call needs [byte], or 0 if it is negligible. It limits the number of simultaneous calls.
+        Memory that one call of `function` needs [byte], or 0 if this memory is negligible. The memory limits the number
+        of simultaneous calls.
     key : object
-        Object that identifies the results of this stage in the store, together with the items. Default: the function.
+        Object that, together with the items, identifies the results of this stage in the store. Default: the function.
 
     Examples
     --------

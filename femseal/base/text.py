@@ -1,4 +1,4 @@
-"""Write results as text: numbers, single lines, and tables for the terminal, notebooks, the report and files."""
+"""Write results as text: as numbers, as lines, and as tables for the terminal, notebooks, the report and files."""
 
 from __future__ import annotations
 
@@ -34,10 +34,11 @@ class TextTable:
     lines : tuple of tuples of str
         Rows, with one text for each column.
     names : int
-        Number of columns, counted from the left, that contain names and are aligned to the left. The other columns
-        contain numbers and are aligned to the right.
+        Number of columns, counted from the left, that contain names and are aligned to the left. Columns with numbers
+        follow and are aligned to the right.
     grouped : bool
-        Whether the first column names a group of rows. In the terminal each group name has a line of its own.
+        Whether the first column contains the name of a group of rows. The terminal shows the name of each group in a
+        separate line above its rows.
     notes : tuple of str
         Notes below the table.
     wrap : int
@@ -160,8 +161,8 @@ def rows_of(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
 def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
     """Write rows as comma-separated values, after one line with the names of the columns.
 
-    There must be at least one row. A missing value is an empty cell. A text that a spreadsheet would interpret as a
-    formula is preceded by an apostrophe.
+    The list must contain at least one row, which determines the names of the columns. A missing value is an empty cell.
+    A text that a spreadsheet would interpret as a formula is preceded by an apostrophe.
     """
     names = list(rows[0])
     stream = io.StringIO()
@@ -175,7 +176,8 @@ def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
 def _without_formula(value: Any) -> Any:
     """Return the content of a cell in a form that spreadsheet programs do not interpret as a formula.
 
-    An apostrophe is put before texts that begin with a character such as "=", "@", "+" or "-", unless they are numbers.
+    A text that begins with a character such as "=", "@", "+" or "-" is preceded by an apostrophe, unless the text is a
+    number.
 
     >>> _without_formula("=1+2"), _without_formula("-2 um"), _without_formula("-2.5"), _without_formula(-2.5)
     ("'=1+2", "'-2 um", '-2.5', -2.5)
@@ -232,7 +234,7 @@ def duration(seconds: float) -> str:
 
 
 def format_deviation(half_width: float, factor: str = "a factor of ") -> str:
-    """Write a difference of ln(x) as a percentage of x, or as a factor if it is large.
+    """Write an error of ln(x) as the relative error of x: as a percentage, or as a factor if the error is large.
 
     Examples
     --------
@@ -262,18 +264,18 @@ class Plotted:
         Parameters
         ----------
         **options
-            Options of the function in `femseal.plots` that draws this class. Pictures with a single panel take `ax`,
-            the axes to draw into, so that several results can share a figure.
+            Options of the function in `femseal.plots` that draws results of this class. A picture with a single panel
+            has the option `ax` for the axes to draw into, so that several results can share a figure.
 
         Returns
         -------
         figure
-            A Matplotlib figure. `pyplot.show()` opens it, and a notebook displays it.
+            A Matplotlib figure, which `pyplot.show()` opens and a notebook displays.
 
         Raises
         ------
         InputError
-            This picture does not have such an option.
+            The picture of this class has no option with a given name.
         """
         return display_package("plots").picture(self, **options)
 
@@ -294,10 +296,10 @@ class _Fact(NamedTuple):
 class Shown(Plotted):
     """Give result classes a short representation in the terminal and a table in notebooks.
 
-    A result is a frozen dataclass. The metadata of its fields contain `unit` and `long_name`. Numbers are displayed
-    with their unit, arrays with their shape and range of values, and lists of load steps or failures with their length.
-    Fields with `repr=False` only appear in the table. The class attribute `_derived` lists properties that are
-    displayed before the fields, with their units.
+    A result class is a frozen dataclass. The metadata of each field contain its `unit` and its `long_name`. Numbers are
+    displayed with their unit, arrays with their shape and range of values, and lists of load steps or failures with
+    their length. A field with `repr=False` appears in the table, but not in the short representation. The class
+    attribute `_derived` contains the names and units of properties that are displayed before the fields.
     """
 
     _derived: ClassVar[dict[str, str]] = {}

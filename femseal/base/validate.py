@@ -2,8 +2,8 @@
 
 Each check returns the value in a uniform type, or raises an InputError that names the argument.
 
-Parameters of classes that can be chosen in a case file, such as fluids, are declared once, with unit and range. The
-keys of the case file are made from the same metadata.
+Classes that can be chosen in a case file, such as fluids, declare each of their parameters once, with unit and range.
+The keys of the case file are made from these declarations.
 """
 
 import dataclasses
@@ -46,7 +46,7 @@ _Result = TypeVar("_Result")
 def removed_arguments(
     **advice: str,
 ) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
-    """Return a decorator that raises an InputError with advice if an argument of an earlier version is given.
+    """Return a decorator that raises an InputError with advice if the caller gives an argument of an earlier version.
 
     Parameters
     ----------
@@ -265,7 +265,7 @@ def parameter(
     meaning : str
         Meaning of the key, see `described`.
     usual : tuple of two float
-        Usual range in SI. For a value outside of this range, a warning asks whether the unit is right.
+        Usual range in SI. If a value is outside of the usual range, a warning asks whether its unit is right.
     above : float
         Lower limit; the number must be greater than this.
     inclusive : bool

@@ -3,8 +3,8 @@
 plausibility     Warnings about a scene and its solution. Every study calls `result_warnings`.
 quick_estimate   Contact and leakage from the spectrum of the surface alone.
 flow_limits      Warnings about flow outside of the model: choked flow, inertia, gases that are not ideal.
-coatings         Warnings about the roughness on a coating, and the depth to which it yields.
-form_effect      Leakage of a measured patch as it is, without its curvature, and without its longest waves.
+coatings         Warnings if a coating is thin compared with the roughness or with the plastic deformation.
+form_effect      Effects of the curvature and of the longest waves of a measured patch on its leakage.
 """
 
 from typing import TYPE_CHECKING

@@ -36,9 +36,9 @@ def coating_depth_warnings(scene: Scene, plastic_depth: Array | None) -> Iterato
     scene : Scene
         The surface, its load and its coatings.
     plastic_depth : array (steps,) or None
-        Largest plastic deformation [m]. None if the scene has not been solved yet. Then the depth is estimated from
-        above: all points above a certain height carry the load with the hardness as their pressure, and are flattened
-        to this height.
+        Largest plastic deformation [m]. None if the scene has not been solved yet. The function then uses an upper
+        bound of the depth: all points above a certain height are flattened to this height, and carry the load at a
+        pressure equal to the hardness.
     """
     if not scene.coatings or not isfinite(scene.law.mean_hardness):
         return

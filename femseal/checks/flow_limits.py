@@ -1,4 +1,4 @@
-"""Detect flow that the model does not describe: choked flow of gases, inertia, and gases that are not ideal."""
+"""Warn of flow that the model does not describe: choked gas flow, flow with inertia, and flow of non-ideal gases."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _CHOKED = 0.685
 def choked_flux(fluid: Fluid, pressure: float) -> float:
     """Compute the largest mass flux through a nozzle [kg/(m² s)], which is infinite for a liquid.
 
-    The flux is √(pρ) at the inlet, multiplied by a function of the ratio κ of specific heats. The value of this
-    function for air is used for all gases.
+    The largest flux is √(pρ), with the pressure p and the density ρ at the inlet, multiplied by a function of the ratio
+    κ of specific heats. For all gases, this function is evaluated at κ = 1.4, the ratio for air.
 
     Parameters
     ----------
@@ -51,9 +51,9 @@ def choked_flux(fluid: Fluid, pressure: float) -> float:
 def flow_warnings(scene: Scene, leakage: Array, mean_gap: Array) -> Iterator[str]:
     """Warn if a gas flow would be choked, or if inertia is not negligible, at the load step where this is worst.
 
-    Inertia is measured by the reduced Reynolds number (ρuh/η)(h/λ). The mass rate per seal length is ρuh, with the
-    density ρ, the velocity u and the mean gap h; η is the viscosity. The wavelength λ = 2πSq/Sdq belongs to a sine wave
-    with the rms height Sq and the rms slope Sdq of the surface.
+    Inertia is measured by the reduced Reynolds number (ρuh/η)(h/λ), with the density ρ, the mean velocity u and the
+    viscosity η of the fluid, and the mean gap h. The product ρuh is the mass rate per length of seal. The length λ =
+    2πSq/Sdq is the wavelength of a sine wave with the rms height Sq and the rms slope Sdq of the surface.
 
     Parameters
     ----------
@@ -100,13 +100,13 @@ def _viscosity(fluid: Any, pressure: float) -> float:
 def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[str]:
     """Warn if an ideal gas is used at pressures at which the real gas is not ideal.
 
-    A nearly ideal gas leads to a warning only at inlet pressures above 20 bar. Other gases are checked above 2 bar,
-    because many of them condense at such pressures.
+    For a nearly ideal gas, a warning is given only at inlet pressures above 20 bar. All other gases are checked at
+    inlet pressures above 2 bar, because many of these gases condense.
 
     Parameters
     ----------
     key : str
-        Key of the fluid in a case, for the message.
+        Key of the fluid in a case file, which the warning quotes.
     fluid : Fluid
         The fluid.
     inlet, outlet : float

@@ -1,8 +1,10 @@
 """Compute how the form of a measured patch changes its leakage.
 
-Contact and flow are solved three times on a coarse grid: for the patch as it is, without its curvature, and without its
-longest waves. The grid has 128 points along the longer side. A coarse surface has smaller slopes, so that it may be
-sealed at a pressure at which the original surface leaks. The pressure is then reduced in the same ratio as the slope.
+Contact and flow are solved for three versions of the patch on a coarse grid: the patch without its tilt, the patch
+without its curvature, and the patch without its longest waves. The grid has 128 points along the longer side of the
+patch. On the coarse grid, the patch has smaller slopes, so that it may be sealed at a pressure at which the original
+patch leaks. In this case, contact and flow are solved at a lower pressure, which is reduced in the same ratio as the
+slope.
 """
 
 from __future__ import annotations
@@ -28,9 +30,9 @@ from .quick_estimate import first_to_last
 _POINTS = 128
 #: Smallest number of points along the shorter side.
 _FEWEST_POINTS = 8
-#: Ratio of leakages above which the form matters.
+#: Ratio of leakages above which the effect of the curvature or of the long waves is reported to the user.
 _NOTABLE_RATIO = 1.5
-#: Largest ratio of leakages. It also stands for the ratio to a sealed surface.
+#: Largest ratio of leakages. If one of the two leakages is 0, the ratio counts as this number.
 _SEALED_RATIO = 1e4
 #: Relative tolerances of contact and flow.
 _CONTACT_RTOL, _FLOW_RTOL = 1e-3, 1e-2
@@ -38,24 +40,24 @@ _CONTACT_RTOL, _FLOW_RTOL = 1e-3, 1e-2
 
 @dataclass(frozen=True, eq=False)
 class FormEffect:
-    """Hold the permeability of a measured patch as it is, without its curvature, and without its longest waves.
+    """Hold the permeability of a measured patch: with all waves, without curvature, and without the longest waves.
 
     Attributes
     ----------
     pressures : array, (loads,)
         Nominal pressures [Pa].
     permeability : array, (3, loads)
-        Permeability of the patch without its tilt, of the patch without its curvature, and of the patch without waves
-        longer than `longest` [m³]. NaN where a solver failed.
+        Permeability [m³] of three versions of the patch, one in each row: the patch without its tilt, the patch without
+        its curvature, and the patch without waves longer than `longest`. NaN where a solver failed.
     height : float
         Height of the curvature: distance from its lowest to its highest point [m].
     radii : tuple of two float
-        Radii of curvature along x1 and x2 [m]. If there are several patches, height and radii belong to the shortest
-        patch.
+        Radii of curvature along x1 and x2 [m]. If there are several patches, `height` and `radii` describe the
+        curvature of the shortest patch.
     longest : float
-        Wavelength above which waves are removed [m].
+        Wavelength [m]; longer waves are removed from the third version of the patch.
     loads : str
-        Lowest and highest pressure as text.
+        Text that states the lowest and the highest pressure.
     """
 
     pressures: Array
@@ -67,11 +69,11 @@ class FormEffect:
 
     @property
     def changes(self) -> Array:
-        """Effects of the curvature and of the long waves on the leakage (2, loads).
+        """Effect of the curvature (row 0) and effect of the long waves (row 1) on the leakage at each load, (2, loads).
 
-        The effect of the curvature is ln(Q/Q_c), with the leakage Q of the patch and its leakage Q_c without curvature.
-        The effect of the long waves is ln(Q/Q_w), with its leakage Q_w without long waves. An effect is NaN where the
-        two leakages are 0.
+        The effect of the curvature is ln(Q/Q_c), where Q is the leakage of the patch, and Q_c the leakage of the patch
+        without its curvature. The effect of the long waves is ln(Q/Q_w), where Q_w is the leakage of the patch without
+        its long waves. An effect is NaN if both leakages in its ratio are 0.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.permeability[0] / self.permeability[1:]
@@ -79,7 +81,7 @@ class FormEffect:
 
     @property
     def advice(self) -> str:
-        """Advice for the user if the form changes the leakage by more than a factor of 1.5, otherwise ""."""
+        """Advice for the user if curvature or long waves change the leakage by a factor above 1.5, otherwise ""."""
         is_notable = np.abs(self.changes) > log(_NOTABLE_RATIO)
         if is_notable[0].any():
             return (
@@ -94,22 +96,23 @@ class FormEffect:
         return ""
 
     def distance(self, pressures: Array, long_waves: bool = False) -> Array | None:
-        """Interpolate the effect of the form, |ln(ratio of leakages)|, at other nominal pressures.
+        """Interpolate the effect of the curvature or of the long waves on the leakage at other nominal pressures.
 
-        The interpolation is linear in ln(pressure), and constant beyond the computed pressures.
+        The effect is |ln(ratio of leakages)|, see `changes`. Between the computed pressures, the effect is interpolated
+        linearly over ln(pressure). Below the lowest and above the highest computed pressure, the effect is constant.
 
         Parameters
         ----------
         pressures : array, (steps,)
             Nominal pressures [Pa].
         long_waves : bool
-            False to return the effect of the curvature. True to return the effect of the curvature or of the long
-            waves, whichever is larger.
+            False: return the effect of the curvature. True: return the effect of the curvature or the effect of the
+            long waves, whichever is larger.
 
         Returns
         -------
         array, (steps,), or None
-            Effect of the form; None if it is unknown at all computed pressures.
+            Effect at each nominal pressure; None if the effect is unknown at all computed pressures.
         """
         changes = np.abs(self.changes if long_waves else self.changes[:1])  # (effect, load)
         change = np.where(np.isfinite(changes), changes, -1.0).max(axis=0)  # −1 if unknown
@@ -121,11 +124,11 @@ class FormEffect:
 
     @property
     def warnings(self) -> list[str]:
-        """List with a warning if the form matters, otherwise empty."""
+        """Warning for the user if the curvature or the long waves change the leakage notably; empty otherwise."""
         return [str(self)] if self.advice else []
 
     def __str__(self) -> str:
-        """Describe the effect of the form in one sentence, followed by advice if the effect is large."""
+        """Describe the effects of curvature and long waves in a sentence, followed by advice if an effect is large."""
         if not np.isfinite(self.changes).any():
             return (
                 f"The effect of the form is unknown at {self.loads}: on {_POINTS} points along its longer side the "
@@ -152,7 +155,7 @@ def solve_form_effect(
     *,
     loads: str = "",
 ) -> FormEffect:
-    """Solve contact and flow of a measured patch as it is, without its curvature, and without its longest waves.
+    """Solve contact and flow of a measured patch: with all waves, without curvature, and without the longest waves.
 
     Parameters
     ----------
@@ -167,7 +170,7 @@ def solve_form_effect(
     boundary : tuple of two str
         Contact boundary along x1 and x2, see `HalfSpace`.
     loads : str
-        Lowest and highest pressure as text, by default made from `pressures`.
+        Text that states the lowest and the highest pressure. Default: a text made from `pressures`.
     """
     # A single patch gets 128 points along its longer side. The pixels of n patches are √n times as large, so that all
     # patches together have as many points.

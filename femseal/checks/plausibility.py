@@ -1,4 +1,4 @@
-"""Check the plausibility of a scene and its solution: find values that are probably wrong or outside of the model."""
+"""Check the plausibility of a scene and its solution: warn of values that are probably wrong or make the model invalid."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def result_warnings(
     estimate: QuickEstimate | None,
     plastic_depth: Array | None = None,
 ) -> tuple[str, ...]:
-    """Check a scene and its solution, and return a warning for everything that is not plausible.
+    """Check a scene and its solution, and return a warning for each implausible value.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def result_warnings(
 
 
 def scene_warnings(scene: Scene) -> tuple[str, ...]:
-    """Check a scene before it is solved, and return a warning for everything that is not plausible."""
+    """Check a scene before it is solved, and return a warning for each implausible value."""
     outlet, fluid = scene.outlet_pressure, scene.fluid
     return (
         *_modulus_warnings(scene),

@@ -1,7 +1,8 @@
 """Estimate contact and leakage from the spectrum of a surface by Persson's theory, without a numerical solution.
 
-The estimate is a forecast for a case, and a plausibility check of a computed leakage. The leakage is computed as the
-flow between two parallel plates, whose distance is the gap of the critical junction, see `analytic.critical_junction`.
+The estimate serves as a forecast before a case is solved, and as a plausibility check of a computed leakage. The
+leakage is computed as the flow between two parallel plates. The distance between the plates is the gap of the critical
+junction, see `analytic.critical_junction`.
 """
 
 from __future__ import annotations
@@ -67,7 +68,8 @@ class QuickEstimate:
     def leakage_warnings(self, leakage: Array, names: Sequence[str]) -> list[str]:
         """Warn if a computed leakage differs too much from the estimate, at the load where the difference is largest.
 
-        Loads near closing, where few constrictions dominate, are not compared.
+        Loads with a contact fraction above 0.3 are not compared, because a few constrictions then determine the
+        leakage.
 
         Parameters
         ----------
@@ -90,7 +92,7 @@ class QuickEstimate:
         ]
 
     def __str__(self) -> str:
-        """Describe the estimate in one sentence, with its error."""
+        """Describe the estimate and its error in one sentence."""
         text = (
             f"contact {first_to_last(100 * self.area)} %, "
             f"narrowest passage {first_to_last(1e6 * self.gap)} µm"
@@ -105,7 +107,7 @@ class QuickEstimate:
 
 
 def first_to_last(values: Array) -> str:
-    """Return the first and the last known value as text, or "" if no value is known.
+    """Return the first and the last known value of an array as text, or "" if no value is known.
 
     >>> first_to_last(np.array([nan, 0.123, 4.0]))
     '0.12 to 4'
@@ -122,20 +124,22 @@ def estimate_surface(
     hardness: float,
     pressures: Sequence[float] | Array,
 ) -> QuickEstimate:
-    """Estimate contact fraction and gaps of a surface. The leakage of the result is NaN.
+    """Estimate contact fraction and gaps of a surface. The leakage is not estimated: `leakage` is NaN.
 
-    Compared with isotropic roughness, grooves along the seal close at a smaller contact fraction, and grooves in the
-    direction of the leakage at a larger one. The contact fraction at closing is therefore multiplied by 2s₂/(s₁ + s₂),
-    where s₁ and s₂ are the rms slopes along x1 and x2. Several patches are averaged.
+    All flow paths are closed above a certain contact fraction. For grooves along the seal, this contact fraction is
+    smaller than for isotropic roughness; for grooves in the direction of the leakage, it is larger. The value for
+    isotropic roughness is therefore multiplied by 2s₂/(s₁ + s₂), where s₁ and s₂ are the rms slopes along x1 and x2.
+    The results for several patches are averaged.
 
     Parameters
     ----------
     surface : Topography or Patches
         Heights of the combined surfaces, without undefined points.
     modulus : float or pair of bodies
-        Contact modulus E* [Pa], or the two bodies. The modulus of coated bodies depends on the wavelength. Its root
-        mean square over all waves is used, weighted by the mean square slope of each wave, because Persson's theory
-        contains the sum of (slope × modulus)² over all waves (Persson, Surf. Sci. Rep. 61, 2006, 201, section 5).
+        Contact modulus E* [Pa], or the two bodies. The modulus of coated bodies depends on the wavelength. For coated
+        bodies, the root mean square of the modulus over all waves is used, with the mean square slope of each wave as
+        its weight. The reason is that Persson's theory contains the sum of (slope × modulus)² over all waves (Persson,
+        Surf. Sci. Rep. 61, 2006, 201, section 5).
     hardness : float
         Hardness H [Pa], infinite for an elastic surface.
     pressures : sequence of float or array, (loads,)
@@ -175,16 +179,16 @@ def estimate_scene(scene: Scene, unit_leakage: float | None = None) -> QuickEsti
     Parameters
     ----------
     scene : Scene
-        Surface, loads and fluid. Results at unloading steps are NaN.
+        Surface, loads and fluid. The estimate is NaN at unloading steps.
     unit_leakage : float, optional
-        Leakage per seal length for a uniform permeability of 1 m³ [1/(m s)]. The default is valid for a seal that is as
-        broad as the surface.
+        Leakage per seal length for a uniform permeability of 1 m³ [1/(m s)]. Default: the value for a seal that is as
+        wide as the surface.
 
     Returns
     -------
     QuickEstimate or None
-        None if no estimate is possible. This is the case for a spiral, for a surface whose form determines where it is
-        in contact, and if the contact is unknown at all loads.
+        None if no estimate is possible, for one of three reasons: the seal has a spiral groove; a smooth profile of the
+        surface, such as a crown, determines where the surfaces touch; or the contact is unknown at all loads.
     """
     if scene.flow.spiral is not None or any(map(_has_form, scene.surface.patches)):
         return None
@@ -218,8 +222,8 @@ def _has_form(patch: Topography) -> bool:
 def mean_modulus(scene: Scene) -> float:
     """Compute the contact modulus of a scene [Pa].
 
-    The modulus of coated bodies depends on the wavelength. For them, return its root mean square over the waves of the
-    surface, each weighted by its mean square slope.
+    The modulus of coated bodies depends on the wavelength. For coated bodies, return the root mean square of the
+    modulus over the waves of the surface, with the mean square slope of each wave as its weight.
     """
     if isinstance(scene.modulus, float):
         return scene.modulus
@@ -230,7 +234,7 @@ def mean_modulus(scene: Scene) -> float:
 
 
 def _mean_modulus(modulus: float | Bodies, wave_numbers: Array, mean_squares: Array) -> float:
-    """Compute the root mean square of the contact modulus [Pa] over waves, weighted by their mean square slopes.
+    """Compute the root mean square of the contact modulus [Pa] over waves, each weighted by its mean square slope.
 
     wave_numbers : wave number of each wave [rad/m].
     mean_squares : mean square height of each wave [m²].
@@ -246,7 +250,7 @@ def _spectrum_in_bands(patch: Topography) -> tuple[Array, Array]:
     """Divide the radial spectrum of a patch into logarithmic bands.
 
     Returns a representative wave number [rad/m] and the mean square height [m²] of each band. The mean square heights
-    are scaled so that the bands have the rms slope of the patch.
+    are scaled so that all bands together have the rms slope of the patch.
     """
     q, density = patch.radial_psd()
     starts = np.unique(np.geomspace(1, q.size, _BANDS).astype(int)) - 1  # first index of each band

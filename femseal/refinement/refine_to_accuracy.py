@@ -1,4 +1,4 @@
-"""Run a case with a required accuracy: refine the settings in several attempts, always where the error is largest."""
+"""Run a case with a required accuracy: in several attempts, refine the setting that causes the largest error."""
 
 import json
 import logging
@@ -55,8 +55,8 @@ class Settings:
     Parameters
     ----------
     method : name of the study that gives the leakage.
-    grid : exponent g; the number of points along each side of the surface is 2^g times its original value.
-    rtol : tolerance of the contact solution, as a relative residual.
+    grid : exponent g: the number of points along each side of the surface is 2^g times the number in the case.
+    rtol : largest relative residual of the contact solution.
     realisations : number of realisations; None if the study has no realisations.
     """
 
@@ -67,7 +67,10 @@ class Settings:
 
 
 def given_settings(case: Case) -> dict[str, str]:
-    """Return the settings that the case fixes, each with its key in the case. Attempts do not change them."""
+    """Return the names of the settings that the case fixes, with their keys in the case.
+
+    All attempts use the fixed settings as the case states them.
+    """
     keys: dict[str, str] = {}
     if case.surface.points is not None:
         keys["grid"] = "surface.points"
@@ -81,7 +84,7 @@ def given_settings(case: Case) -> dict[str, str]:
 def first_settings(case: Case, original: Prepared) -> Settings:
     """Choose the settings of the first attempt: coarse pixels, and few realisations.
 
-    original : prepared case on the original grid of its surface.
+    original : prepared case, with the surface on the grid of the case.
     """
     assert case.accuracy is not None
     given = given_settings(case)
@@ -104,8 +107,8 @@ def first_settings(case: Case, original: Prepared) -> Settings:
 def grid_points(original: Prepared, grid: int) -> Shape:
     """Return the numbers of points along both sides of the surface on a finer or coarser grid.
 
-    They are the original numbers times 2^`grid`, rounded up to multiples of `original.points_divide_by`, so that the
-    surface can be divided into equal blocks.
+    The number of points in the case is multiplied by 2^`grid`, and rounded up to a multiple of the corresponding number
+    in `original.points_divide_by`. The surface can then be divided into equal blocks.
     """
     n1, n2 = (
         ceil(n * 2.0**grid / divisor) * divisor
@@ -115,9 +118,9 @@ def grid_points(original: Prepared, grid: int) -> Shape:
 
 
 def apply_settings(original: Prepared, settings: Settings) -> Prepared:
-    """Return the prepared case with other settings, and with its surface resampled to the grid of these settings.
+    """Return the prepared case with other settings, and with its surface resampled to the grid of the new settings.
 
-    original : prepared case on the original grid of its surface.
+    original : prepared case, with the surface on the grid of the case.
     """
     surface = original.scene.surface
     points = grid_points(original, settings.grid)
@@ -134,15 +137,15 @@ def apply_settings(original: Prepared, settings: Settings) -> Prepared:
 
 
 def first_version(case: Case, original: Prepared) -> Prepared:
-    """Prepare the first attempt to reach the accuracy of a case."""
+    """Prepare a case with the settings of the first attempt to reach its accuracy."""
     with refuse_impossible_sizes():
         return apply_settings(original, first_settings(case, original))
 
 
 def last_version(case: Case, original: Prepared, attempts: dict[str, Any] | None) -> Prepared:
-    """Prepare a case with the settings of the last attempt. If there were no attempts, its settings are not changed.
+    """Prepare a case with the settings of the last attempt, or with unchanged settings if there were no attempts.
 
-    attempts : record of the attempts, as in `Results.attempts`.
+    attempts : record of the attempts, as in `Results.attempts`; None if there were no attempts.
     """
     if attempts is None or case.accuracy is None:
         return original
@@ -150,7 +153,10 @@ def last_version(case: Case, original: Prepared, attempts: dict[str, Any] | None
 
 
 def expected_cost(prepared: Prepared) -> tuple[float, float]:
-    """Estimate the time on one core [s] and the memory [byte] of the study that gives the leakage, solved alone."""
+    """Estimate the time on one core [s] and the memory [byte] of the study that gives the leakage.
+
+    The other studies of the case are left out.
+    """
     answer = prepared.answer
     only_answer = replace(prepared, methods=frozenset({answer.name}))
     return only_answer.cost(answer)
@@ -164,15 +170,15 @@ def finer_settings(
     Parameters
     ----------
     case : the case.
-    original : prepared case on the original grid of its surface.
+    original : prepared case, with the surface on the grid of the case.
     settings : settings of the last attempt.
     part : name of the error source.
     memory : memory that an attempt may use [byte].
 
     Returns
     -------
-    The settings, and a text that describes the change. If the error cannot be reduced, the result is None and a text
-    with the reason.
+    The finer settings, and a text that describes the change. If the error cannot be reduced: None, and a text that
+    states the reason.
     """
     rtol = settings.rtol / 10
     grid = settings.grid + 1
@@ -214,12 +220,12 @@ def finer_settings(
 
 
 class _Refinement(NamedTuple):
-    """Describe a change of one setting that approximately halves an error.
+    """Describe a new value of one setting, which approximately halves the error from one error source.
 
     setting : name of the setting in `Settings`.
     value : new value of the setting.
     text : the new value as text.
-    is_allowed : whether the new value is still within the limits that hold for all attempts.
+    is_allowed : whether the new value is within the limit of the setting, for example `MOST_GRID`.
     """
 
     setting: str
@@ -235,13 +241,14 @@ class Attempt:
     Parameters
     ----------
     settings : settings of the attempt.
-    points : numbers of points of the surface.
-    seconds : wall time [s], including the coarser solution with which the error of the pixel size is estimated.
+    points : numbers of points of the surface along x1 and x2.
+    seconds : wall time of the attempt [s], including a solution on a coarser grid, from which the error of the pixel
+        size is estimated.
     half_width : largest half-width of the 95 % interval of ln(leakage) over the load steps; inf if the interval is
         unbounded.
     limit : error source with the widest interval.
-    load : name of the load step with the largest half-width.
-    parts : half-width of the interval of each error source.
+    load : name of the load step at which the 95 % interval is widest.
+    parts : largest half-width of the interval due to each error source, by the name of the source.
     """
 
     settings: Settings
@@ -268,10 +275,11 @@ class RefinedAnswer:
     ----------
     prepared : prepared case with the settings of the last attempt.
     result : result of the study in the last attempt.
-    budget : error budget of this result.
+    budget : error budget of `result`.
     attempts : all attempts in their order.
-    reason : reason why the accuracy was not reached and no further attempt was made; "" if the accuracy was reached.
-    half_error : text that says which settings would halve the error, and how long this would take.
+    reason : reason why the attempts ended although the accuracy was not reached; "" if the accuracy was reached.
+    half_error : text that says which settings would halve the error, and how long an attempt with these settings would
+        take.
     accuracy : required accuracy, as the largest relative error of the leakage.
     time_limit : time limit for all attempts together [s].
     """
@@ -287,7 +295,7 @@ class RefinedAnswer:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warning that the accuracy is not reached, with the reason; empty if it is reached."""
+        """Warning if the required accuracy was not reached, with the reason; empty otherwise."""
         if not self.reason:
             return ()
         last = self.attempts[-1]
@@ -324,17 +332,19 @@ class RefinedAnswer:
 def refine_to_accuracy(case: Case, original: Prepared, run: Run) -> RefinedAnswer:
     """Solve a case with finer and finer settings, until its accuracy is reached or cannot be reached.
 
-    Each attempt refines the setting that caused the largest error in the previous attempt.
+    After each attempt, the setting that causes the largest error is refined for the next attempt.
 
     Parameters
     ----------
     case : a case with an accuracy.
-    original : prepared case on the original grid of its surface.
-    run : run that solves the studies. A resumed run repeats the decisions that it took before it was interrupted.
+    original : prepared case, with the surface on the grid of the case.
+    run : run that solves the studies. If the run is resumed after an interruption, decisions that were taken before the
+        interruption are repeated.
 
     Raises
     ------
-    FemsealError : the first attempt failed. If a later attempt fails, the attempts end without an error.
+    FemsealError : the first attempt failed. If a later attempt fails, no error is raised, and the result of the
+        previous attempt is returned.
     """
     assert case.accuracy is not None
     goal = np.log1p(case.accuracy)
@@ -380,7 +390,7 @@ class _Attempts:
     """Carry out the attempts for a case, and record them.
 
     case : the case.
-    original : prepared case on the original grid of its surface.
+    original : prepared case, with the surface on the grid of the case.
     run : run that solves the studies.
     memory : memory that an attempt may use [byte].
     done : finished attempts.
@@ -431,9 +441,9 @@ class _Attempts:
 
         Returns
         -------
-        settings : settings of the next attempt, or None if there is none.
-        text : description of the change; "" if there is no further attempt.
-        reason : reason why there is no further attempt; "" if there is one.
+        settings : settings of the next attempt; None if there is no next attempt.
+        text : description of the change of the settings; "" if there is no next attempt.
+        reason : reason why there is no next attempt; "" if there is a next attempt.
         """
         last = self.done[-1]
         text = ""
@@ -468,7 +478,7 @@ class _Attempts:
         return json.dumps(self.case.echo(), default=str), len(self.done)
 
     def half_error(self) -> str:
-        """Say which settings would halve the largest error of the last attempt, and how long this would take."""
+        """Say which settings would halve the largest error of the last attempt, and the time that this takes."""
         last = self.done[-1]
         finer, change = finer_settings(
             self.case, self.original, last.settings, last.limit, self.memory
@@ -478,7 +488,7 @@ class _Attempts:
         return f"{change}, about {duration(self._expected_seconds(finer))}"
 
     def _expected_seconds(self, settings: Settings) -> float:
-        """Estimate the wall time of an attempt with other settings [s], from the measured time of the last attempt."""
+        """Estimate the wall time of an attempt with other settings [s] from the measured time of the last attempt."""
         last = self.done[-1]
         new_cost, _ = expected_cost(apply_settings(self.original, settings))
         last_cost, _ = expected_cost(apply_settings(self.original, last.settings))
