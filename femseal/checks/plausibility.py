@@ -1,4 +1,4 @@
-"""Check the plausibility of a scene and its solution: warn of values that are probably wrong or make the model invalid."""
+"""Check the plausibility of a scene and its solution: warn of values that are probably wrong or outside the model."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Find the pressures that a seal needs, and the sensitivities of its leakage.
+"""Find the pressures at which a seal meets its leakage classes, and the sensitivities of its leakage.
 
-The input is a case, which is run, or the results of a run.
+The input is either a case, which is then run, or the results of a finished run.
 """
 
 from __future__ import annotations
@@ -46,37 +46,40 @@ def design(
     """Find the pressures that a seal needs in assembly and in service, and the sensitivities of its leakage.
 
     As in EN 13555 and EN 1591-1, Qmin(L) is the lowest nominal pressure in assembly at which the seal meets a leakage
-    class L. QSmin(L; Q_A) is the pressure to which it may be unloaded in service after it was assembled at Q_A. Qmin is
-    read from the loading curve, and QSmin from the curve of unloading from Q_A. Both are given for the computed leakage
-    and for the upper end of its 95 % interval. These are the loads of the verdict in the report, see
-    `results.verdict`.
+    class L. QSmin(L; Q_A) is the lowest pressure to which the seal may be unloaded in service after it was assembled at
+    the pressure Q_A. Qmin is read from the curve of leakage over pressure during loading, and QSmin from the curve
+    during unloading from Q_A. Qmin and QSmin are given for the computed leakage and for the upper end of its 95 %
+    interval. The verdict in the report states the same loads, see `results.verdict`.
 
-    In addition, Qmin is given for a fraction of the realisations, for example 95 % of them. This value follows from the
-    computed leakages alone, whereas the 95 % interval also includes the scatter between realisations. If the case has a
-    `relaxation`, the answer also contains the lowest pressure in assembly at which the class is still met after
-    relaxation. Between load steps, ln(leakage) is interpolated linearly over ln(pressure). There is no extrapolation.
+    For a stochastic seal, the answer also contains the lowest pressure at which a given fraction of the realisations,
+    for example 95 %, meets the class. This pressure follows from the computed leakages alone, whereas the 95 % interval
+    contains both the scatter between realisations and all other errors. If the case has a `relaxation`, the answer also
+    contains the lowest pressure in assembly at which the seal still meets the class after relaxation. Between load
+    steps, ln(leakage) is interpolated linearly over ln(pressure). There is no extrapolation.
 
     Parameters
     ----------
     what : Case, Results or path
-        A case or its file, which is run; or results or their folder, which are used without a further run.
+        A case or a case file, which is then run; or results or a results folder, which are used without a further run.
     output : path, optional
-        Folder for the run and the answer. If it already contains complete results of the same case, these are used. By
-        default nothing is written, not even into the folder of given results.
+        Folder in which the results of the run and the answer are stored. If the folder already contains complete
+        results of the same case, they are used instead of a run. By default nothing is written, not even into the
+        folder of results that the caller gives.
     classes : iterable of str
         Leakage classes, or leakages with their unit, see `base.leak_rates`. Default: the classes of the case, or else
-        L0.01, L0.1 and L1. If the case has a test fluid, its leakage is compared with the classes.
+        L0.01, L0.1 and L1. If the case has a test fluid, the leakage of the test fluid is compared with the classes.
     probability : float
-        Fraction of the realisations for which Qmin is given in addition, above 0 and below 1.
+        Fraction of the realisations, above 0 and below 1, that must meet the class at the additional Qmin.
     assembly : iterable of float or str
-        Further loads in assembly Q_A, from which the case is unloaded, in SI or as texts such as "300 MPa". If the
-        loads of the case are forces, these are forces, too, such as "60 kN". Given results must contain them already.
+        Further loads in assembly Q_A, from which the seal is unloaded, in SI or as texts such as "300 MPa". If the
+        loads of the case are forces, the loads in `assembly` are forces as well, such as "60 kN". If `what` is results,
+        the run must already contain the unloading from these loads.
     nominal_diameter : float or str, optional
         Nominal diameter [m] for the rates of ISO 5208, or a text such as "50 mm".
     solve : bool
         Whether to solve a case again, once with a slightly higher hardness, and once with a slightly larger length in
-        the flow law (mean free path or slip length). The sensitivities to these two quantities do not follow from a
-        scaling law.
+        the flow law (mean free path or slip length). The sensitivities to the hardness and to this length do not follow
+        from a scaling law.
     replace_results : bool
         Whether to replace results of another case in the folder.
     workers : int, optional
@@ -167,7 +170,10 @@ def design(
 
 
 def _case_or_results(what: Case | Results | AnyPath) -> tuple[Case | None, Results | None]:
-    """Return the case or the results, which the user gave as an object or as a path. The one not given is None."""
+    """Return the case and the results, one of which the user has given as an object or a path.
+
+    If the user has given a case, the results are None; if the user has given results, the case is None.
+    """
     if isinstance(what, Results):
         return None, what
     if isinstance(what, Case):
@@ -185,7 +191,7 @@ def _in_si(name: str, value: float | str, unit: str) -> float:
 def _loads_in_assembly(
     case: Case | None, results: Results | None, loads: Iterable[float | str]
 ) -> list[float]:
-    """Convert loads in assembly to the SI unit of the loads of the case: Pa, N or N/m."""
+    """Convert loads in assembly to numbers, in the SI unit of the loads of the case: Pa, N or N/m."""
     unit = "Pa"
     if case is not None:
         unit = case.load.unit
@@ -210,7 +216,7 @@ def _as_pressures(results: Results, loads: list[float]) -> list[float]:
 
 
 def _with_assembly_loads(case: Case, loads: list[float]) -> Case:
-    """Return a copy of a case in which the seal is also unloaded from these loads.
+    """Return a copy of a case in which the seal is also unloaded from the given loads.
 
     loads : in the SI unit of the loads of the case.
 
@@ -249,7 +255,7 @@ def _check_classes_of_case(
 
 
 def _check_unloaded_from(seals: Seals, pressures: list[float]) -> None:
-    """Raise InputError if the run was not unloaded from all pressures in assembly [Pa]."""
+    """Raise InputError unless the run contains an unloading from each of the given pressures in assembly [Pa]."""
     known = seals.steps.unload_from
     missing = [p for p in pressures if not np.isclose(p, known, rtol=1e-9).any()]
     if not missing:
@@ -264,8 +270,10 @@ def _check_unloaded_from(seals: Seals, pressures: list[float]) -> None:
 class _Load:
     """Load at which the sensitivities are computed.
 
-    class_name : leakage class, if the load is Qmin of a class; "" otherwise. pressure : nominal pressure [Pa]; NaN if
-    there is no suitable load. replaced : requirement whose Qmin would be the load if the seal leaked there.
+    class_name : leakage class whose Qmin the load is; "" if the load is not a Qmin.
+    pressure : nominal pressure [Pa]; NaN if the sensitivities cannot be computed at any load.
+    replaced : requirement whose Qmin is replaced by another load, because the seal does not leak at this Qmin, or its
+        leakage is unknown; None if the load is a Qmin.
     """
 
     class_name: str
@@ -274,7 +282,7 @@ class _Load:
 
     @property
     def is_known(self) -> bool:
-        """Whether a suitable load was found."""
+        """Whether there is a load at which the sensitivities can be computed."""
         return bool(np.isfinite(self.pressure))
 
 
@@ -283,9 +291,9 @@ def _choose_load_of_sensitivities(
 ) -> _Load:
     """Choose the load for the sensitivities.
 
-    This is Qmin of the first class whose Qmin lies within the loads of the case. If the leakage at this Qmin is 0 or
-    unknown, it is the load step closest to it with a known leakage above 0. If there is no such class, it is the
-    geometric mean of the lowest and the highest load at which the seal leaks during loading.
+    The load is Qmin of the first class whose Qmin lies within the loads of the case. If the leakage at this Qmin is 0
+    or unknown, the load is the closest load step with a known leakage above 0. If no Qmin lies within the loads of the
+    case, the load is the geometric mean of the lowest and the highest load at which the seal leaks during loading.
     """
     steps = seals.steps_from_highest()
     pressure = seals.steps.pressures[steps]
@@ -308,7 +316,7 @@ def _choose_load_of_sensitivities(
 
 
 def _note_on_load(load: _Load, results: Results) -> list[str]:
-    """Write a note if the sensitivities are not those at the load that a class needs."""
+    """Write a note if the sensitivities are computed at another load than Qmin of a class."""
     if load.replaced is None:
         return []
     load_text = short_loads(results)
@@ -326,7 +334,7 @@ def _note_on_load(load: _Load, results: Results) -> list[str]:
 
 
 def _with_fluid(variants: Variants, results: Results) -> Variants:
-    """Return a copy of the variants with the properties of the fluid whose leakage is compared with the classes."""
+    """Return a copy of `variants` with the properties of the fluid whose leakage is compared with leakage classes."""
     state = class_fluid(results)
     if state is None:
         return variants
@@ -334,7 +342,7 @@ def _with_fluid(variants: Variants, results: Results) -> Variants:
 
 
 def _note_on_version(results: Results) -> list[str]:
-    """Write a note if the results were computed by another version of femseal."""
+    """Write a note if another version of femseal computed the results."""
     version = json.loads(results.dataset.attrs["versions"]).get("femseal")
     if version == versions()["femseal"]:
         return []
@@ -345,7 +353,7 @@ def _note_on_version(results: Results) -> list[str]:
 
 
 def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
-    """List notes for the user on the limits of the answer."""
+    """List notes for the user on what the answer does not contain, and on results that were left out."""
     notes = []
     smaller_fraction = min(fraction, 1 - fraction)
     if seals.count == 1:

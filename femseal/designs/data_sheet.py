@@ -73,7 +73,7 @@ _COLUMNS = (
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design(Plotted):
-    """Pressures that a seal needs, and sensitivities of its leakage, see `design`.
+    """Pressures at which a seal meets its leakage classes, and sensitivities of its leakage, see `design`.
 
     Parameters
     ----------
@@ -82,20 +82,21 @@ class Design(Plotted):
     seals : Seals
         Leakages of the realisations, which are compared with leakage classes.
     probability : float
-        Fraction of the realisations for which Qmin is given in addition.
+        Fraction of the realisations that must meet the class at the additional Qmin, see `design`.
     requirements : tuple of Requirement
-        Qmin and QSmin of every leakage class.
+        Qmin and QSmin, one item for each leakage class.
     relaxation : float
         Fraction of the load in assembly that is lost before service.
     sealing : NeededPressure
         Lowest pressure in assembly at which the seal does not leak.
     at : pair (str, float)
-        Load at which the sensitivities are computed: the leakage class whose Qmin it is ("" if it is no Qmin), and the
-        nominal pressure [Pa], which is NaN if no load is suitable.
+        Name of a leakage class and nominal pressure [Pa] at which the sensitivities are computed. The pressure is Qmin
+        of the class. The name is "" if the pressure is not Qmin of a class; the pressure is NaN if the sensitivities
+        cannot be computed.
     sensitivities : tuple of Sensitivity
         Logarithmic slopes of the leakage with respect to every quantity.
     notes : tuple of str
-        Notes for the user on the limits of the answer.
+        Notes for the user, for example on results that were left out.
     """
 
     results: Results
@@ -110,11 +111,11 @@ class Design(Plotted):
 
     @property
     def stiffness(self) -> dict[float, float]:
-        """Secant stiffness of the interface on unloading from Q_A to Q_A/3 [Pa/m], for each pressure in assembly Q_A.
+        """Secant stiffness of the interface [Pa/m] when unloaded from Q_A to Q_A/3, for each pressure in assembly Q_A.
 
         An interface has no thickness. For a gasket, the modulus E_G of EN 13555 is this stiffness times the thickness
-        of the gasket. Between the steps of unloading, the mean gap is interpolated linearly over ln(pressure). No
-        stiffness is given for stochastic runs, nor for a pressure Q_A if the unloading from it ends above Q_A/3.
+        of the gasket. Between the steps of unloading, the mean gap is interpolated linearly over ln(pressure).
+        Stochastic runs have no stiffness. A pressure Q_A is left out if the unloading from Q_A ends above Q_A/3.
         """
         data = self.results.dataset
         if "mean_gap" not in data:
@@ -138,16 +139,16 @@ class Design(Plotted):
 
     @property
     def sealing_indices(self) -> tuple[SealingIndex, ...]:
-        """Sealing index that each class needs, on loading and on unloading.
+        """Sealing index at which each leakage class is met, for loading and for each unloading.
 
-        It is empty if it does not follow from the leakage of the run, for example because the pressure differs over the
-        seal; `sheet_sentences` says why.
+        The tuple is empty if the run does not determine a sealing index, for example because the pressure differs over
+        the seal. The data sheet then states the reason.
         """
         return self._indices_or_reason[0]
 
     @cached_property
     def _indices_or_reason(self) -> tuple[tuple[SealingIndex, ...], str]:
-        """Sealing indices, and the reason if there are none."""
+        """Sealing indices, and the reason if the run does not determine any."""
         limits = {need.name: need.limit for need in self.requirements}
         try:
             return indices_of_limits(self.results, limits), ""
@@ -156,12 +157,12 @@ class Design(Plotted):
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Verdict of the report on each leakage class: whether it is met, and the load that it needs."""
+        """Verdict of the report on each leakage class: whether the seal meets the class, and from which load on."""
         return verdicts_of(self.results, [(need.name, need.limit) for need in self.requirements])
 
     @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
-        """Leakage unit of the first class, and the value of this unit as a leakage per length of seal [m²/s]."""
+        """Leakage unit of the first class, and the leakage per length of seal [m²/s] that is one unit."""
         unit = self.results.leak_unit
         if self.requirements:
             first_class = leak_classes([self.requirements[0].name])[0]
@@ -183,8 +184,8 @@ class Design(Plotted):
     def write(self, folder: AnyPath) -> list[Path]:
         """Write `design.csv`, `design.json` and `design.png`.
 
-        The picture is also written in the other `picture_formats` of the case. If the folder contains results, their
-        report is written again, because it includes the answer.
+        The picture is also written in all other `picture_formats` of the case. If the folder contains results, the
+        report of the results is written again, because the report includes the answer.
 
         Parameters
         ----------
@@ -297,7 +298,7 @@ def _extend_to_limits(axes: Axes, limits: list[float]) -> None:
 def _mark_needed_pressures(
     axes: Axes, answer: Design, scale: float, load_factor: float
 ) -> list[Any]:
-    """Mark Qmin on the loading curve and QSmin on the unloading curves, with bars for their 95 % intervals.
+    """Mark Qmin on the loading curve and QSmin on the unloading curves, each with a bar for its 95 % interval.
 
     Parameters
     ----------
@@ -306,14 +307,14 @@ def _mark_needed_pressures(
     answer : Design
         The answer.
     scale : float
-        Leakage per length that is 1 on the leakage axis [m²/s].
+        Leakage per length of seal [m²/s] that the leakage axis shows as 1.
     load_factor : float
-        Value on the load axis for a nominal pressure of 1 Pa.
+        Load, in the unit of the load axis, that corresponds to a nominal pressure of 1 Pa.
 
     Returns
     -------
     list of artists
-        Handles for the legend.
+        Lines that represent the marks in the legend.
     """
     from matplotlib.lines import Line2D
 
@@ -356,7 +357,11 @@ def _mark_needed_pressures(
 
 
 def sheet_tables(answer: Design) -> list[TextTable]:
-    """Make the table of Qmin and QSmin of each class, and those of sensitivities and of the sealing index if known."""
+    """Make the tables of the data sheet.
+
+    The first table contains Qmin and QSmin of each class. Tables of the sensitivities and of the sealing index follow
+    if the answer contains sensitivities or sealing indices.
+    """
     columns = _columns_of_realisations(answer) + _columns_of_relaxation(answer)
     names = ("Qmin(L)", "QSmin(L), Q_A = {}")
     needs = verdict_table(answer.results, answer.verdicts, columns, names=names)
@@ -370,7 +375,7 @@ def sheet_tables(answer: Design) -> list[TextTable]:
 
 
 def _columns_of_realisations(answer: Design) -> list[tuple[str, list[str]]]:
-    """Return the column with Qmin for a fraction of the realisations, one cell per class.
+    """Return the heading and the cells of a column: Qmin of each class for a fraction of the realisations.
 
     The list of columns is empty if the run has a single realisation.
     """
@@ -385,10 +390,11 @@ def _columns_of_realisations(answer: Design) -> list[tuple[str, list[str]]]:
 
 
 def _columns_of_relaxation(answer: Design) -> list[tuple[str, list[str]]]:
-    """Return the columns on relaxation, one cell per class. The list is empty if the case has no relaxation.
+    """Return the headings and the cells of the columns on relaxation; an empty list for a case without relaxation.
 
-    The first column contains Qmin with relaxation. Then there is a column for each pressure in assembly Q_A. It says
-    whether the class is still met at the pressure that is left of Q_A after relaxation.
+    Each column has one cell for each leakage class. The first column contains Qmin with relaxation. A further column
+    for each pressure in assembly Q_A says whether the class is still met after relaxation, when only a part of Q_A is
+    left.
     """
     relaxation = answer.relaxation
     if not relaxation:
@@ -422,7 +428,7 @@ def _sensitivity_table(answer: Design) -> TextTable:
 
 
 def _slope_text(slope: float) -> str:
-    """Write a logarithmic slope with its sign, or a dash if it is unknown."""
+    """Write a logarithmic slope with its sign, or a dash for an unknown slope."""
     return f"{slope:+.2f}" if isfinite(slope) else "–"
 
 
@@ -495,7 +501,7 @@ def rows(answer: Design) -> list[dict[str, Any]]:
 
 
 def _rows_of_requirement(answer: Design, need: Requirement) -> list[dict[str, Any]]:
-    """List the rows with the pressures that a leakage class needs."""
+    """List the rows of the table that contain the pressures required to meet a leakage class."""
     name = need.name
     figures = [_pressure_row(answer, "Qmin [Pa]", name, None, need.assembly)]
     if answer.seals.count > 1:
@@ -512,10 +518,11 @@ def _rows_of_requirement(answer: Design, need: Requirement) -> list[dict[str, An
 def _pressure_row(
     answer: Design, figure: str, class_name: str, peak: float | None, needed: NeededPressure
 ) -> dict[str, Any]:
-    """Make the row of a needed pressure.
+    """Make the row of the table for a pressure that is required to meet a leakage class.
 
-    The row also has the pressure from the computed leakage, and both ends of the 95 % interval. If one of these is
-    unknown or outside the loads of the case, its cell is empty.
+    Further cells contain the pressure that follows from the computed leakage, and the lower and the upper end of the 95
+    % interval of the required pressure. The cell of a pressure that is unknown or outside the loads of the case is
+    empty.
     """
     value = needed.bound(needed.value)
     row = _row(
@@ -535,5 +542,5 @@ def _pressure_row(
 
 
 def _row(**cells: Any) -> dict[str, Any]:
-    """Make a row with all columns. Columns that are not given are empty."""
+    """Make a row of the table from some of its cells; all other cells are empty."""
     return dict.fromkeys(_COLUMNS) | cells

@@ -1,4 +1,4 @@
-"""Present the sealing index ∫ pⁿ dl in the data sheet of a design: a table, a sentence, and rows for programs."""
+"""Present the sealing index ∫ pⁿ dl in the data sheet of a design: as a table, as a sentence, and in `design.csv`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ def index_table(indices: Sequence[SealingIndex]) -> TextTable:
 
 
 def index_sentence(reason: str = "") -> str:
-    """Say what the sealing index is and which row of the table applies to a seal, or why there is no such table."""
+    """Say what the sealing index is and how to read its table, or why the data sheet contains no sealing index.
+
+    reason : reason why the run does not determine a sealing index; "" if the data sheet contains the table.
+    """
     if reason:
         return f"The sealing index ∫pⁿ dl does not follow from this run, because {reason}."
     return (
@@ -70,7 +73,7 @@ def index_rows(indices: Sequence[SealingIndex]) -> list[dict[str, Any]]:
 
 
 def _ends(low: float, high: float) -> dict[str, float]:
-    """Return the columns of an interval; an end that is unknown stays empty."""
+    """Return the cells of an interval by the names of their columns; the cell of an unknown end is empty."""
     return {name: end for name, end in (("low", low), ("high", high)) if isfinite(end)}
 
 

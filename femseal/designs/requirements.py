@@ -1,8 +1,9 @@
-"""Find the pressures that a seal needs to meet a leakage class in assembly and in service, and to be tight.
+"""Find the pressures in assembly and in service at which a seal meets a leakage class, or does not leak at all.
 
-These are the loads of the verdict on a class (`results/verdict.py`). Each pressure is given three times: for the
-computed leakage, and for the two ends of its 95 % interval, which includes the scatter between realisations. In
-addition there is the pressure at which a given fraction of the realisations meets the class, by their computed leakage.
+The verdict on a class states the same loads (`results/verdict.py`). Each pressure is given three times: for the
+computed leakage, and for the lower and the upper end of the 95 % interval of the leakage. The interval includes the
+scatter between realisations. A further pressure is the pressure at which a given fraction of the realisations meets the
+class according to their computed leakage.
 """
 
 from __future__ import annotations
@@ -23,15 +24,15 @@ ENDS = (0.05, 0.95)
 
 @dataclass(frozen=True, eq=False)
 class Seals:
-    """Leakages of all realisations of a seal.
+    """Hold the leakages of all realisations of a seal at all load steps.
 
     Parameters
     ----------
     steps : LoadProgramme
         The load steps.
     leakage : array (realisations, steps)
-        Magnitude of the leakage per length [m²/s]. If the computed leakage is 0 but the upper end of its 95 % interval
-        is unknown, the seal may leak by any amount, and the value is infinite.
+        Magnitude of the leakage per length [m²/s]. The value is infinite if the seal may leak by any amount, because
+        the computed leakage is 0 and the upper end of its 95 % interval is unknown.
     curve : LeakageCurve
         Leakage that the run reports, such as the median of the realisations, with its interval.
     """
@@ -44,7 +45,8 @@ class Seals:
     def from_results(cls, results: Results) -> Seals:
         """Collect the leakages of all realisations of a run, or of its single seal.
 
-        They are the leakages that are compared with leakage classes: those of the test fluid if the case has one.
+        If the case has a test fluid, the leakages are the leakages of the test fluid, which are compared with leakage
+        classes.
         """
         _, leakage = results.class_leakage
         interval = results.class_interval
@@ -61,15 +63,15 @@ class Seals:
         leakage: Array,
         interval: tuple[Array, Array] | None = None,
     ) -> Seals:
-        """Collect the leakages of realisations. Realisations whose solution failed at a load step are left out.
+        """Collect the leakages of realisations, without realisations whose solution failed at a load step.
 
         Parameters
         ----------
         steps : LoadProgramme
             The load steps.
         leakage : array (realisations, steps) or (steps,)
-            Leakage per length [m²/s], positive or negative. It is infinite if it is unknown, and NaN if the solution
-            failed.
+            Leakage per length of seal [m²/s], positive or negative; infinite if the leakage is unknown, and NaN if the
+            solution failed.
         interval : pair of arrays (steps,), optional
             Ends of the 95 % interval of the median [m²/s].
         """
@@ -82,11 +84,12 @@ class Seals:
 
     @classmethod
     def _with_open_loads(cls, steps: LoadProgramme, leakage: Array, curve: LeakageCurve) -> Seals:
-        """Create the seals. If the leakage at low loads is unknown, set it to infinity.
+        """Create the seals, with an infinite leakage at low loads at which the leakage is unknown.
 
-        At low loads the fluid pressure alone can carry the load, and the faces are separated. These loads of a branch
-        are all below the lowest load at which the leakage is known. Loading and each unloading are treated separately,
-        because the load at which the faces separate differs between them.
+        At low loads, the fluid pressure alone may carry the load, so that the faces are separated and the leakage is
+        unknown. A load of a branch (loading, or one unloading) counts as low if it is below the lowest load of the
+        branch at which the leakage is known. Each branch is treated separately, because the load at which the faces
+        separate differs between branches.
         """
         magnitude = np.abs(np.atleast_2d(reals(leakage)))
         is_known = ~np.isnan(magnitude).all(axis=0)  # (steps,)
@@ -107,17 +110,17 @@ class Seals:
         return len(self.leakage)
 
     def quantile_curve(self, fraction: float) -> Array:
-        """Return the quantile of the leakage per length that a fraction of the realisations does not exceed.
+        """Return the quantile of the leakage: the leakage that a given fraction of the realisations does not exceed.
 
-        It is an array (steps,) [m²/s].
+        The result is the leakage per length of seal at each load step, (steps,) [m²/s].
         """
         return np.sort(self.leakage, axis=0)[_rank(fraction, self.count)]
 
     def steps_from_highest(self, peak: float | None = None) -> Indices:
         """List the indices of the steps of a branch from the highest load to the lowest.
 
-        peak : nominal pressure from which the seal is unloaded [Pa]; None for loading. The list of an unloading begins
-        with the step of this pressure.
+        peak : nominal pressure [Pa] from which the seal is unloaded; None selects the loading. For an unloading, the
+        list begins with the load step at the pressure `peak`.
         """
         return falling_steps(self.steps, peak)
 
@@ -127,15 +130,15 @@ class Seals:
         Parameters
         ----------
         limit : float
-            Largest leakage per length [m²/s].
+            Largest leakage per length of seal [m²/s] that is allowed.
         peak : float, optional
             Pressure from which the seal is unloaded [Pa]. Default: loading.
 
         Returns
         -------
         array (realisations,)
-            Nominal pressure [Pa]. It is infinite if the leakage is above the limit even at the highest load, and 0 if
-            it is below the limit at all loads.
+            Nominal pressure [Pa]: infinite if the leakage exceeds the limit even at the highest load, and 0 if the
+            leakage is below the limit at all loads.
         """
         steps = self.steps_from_highest(peak)
         return crossings(self.steps.pressures[steps], self.leakage[:, steps], limit)
@@ -143,7 +146,9 @@ class Seals:
     def needed_with_relaxation(self, limit: float, relaxation: float) -> Array:
         """Find the lowest pressure in assembly at which each realisation still meets a limit after relaxation.
 
-        relaxation : fraction of the load that is lost. See `needed_pressures` for the limit and the result.
+        relaxation : fraction of the load that is lost by relaxation.
+
+        The limit and the result are defined as in `needed_pressures`.
         """
         peaks, steps_after = relaxed_steps(self.steps, relaxation)
         return crossings(peaks, self.leakage[:, steps_after], limit)
@@ -151,10 +156,10 @@ class Seals:
     def needed_by_fraction(
         self, fraction: float, limit: float, peak: float | None = None
     ) -> NeededPressure:
-        """Find the pressure at which a fraction of the realisations meets a limit, by their computed leakage.
+        """Find the pressure at which a fraction of the realisations meets a limit according to their computed leakage.
 
-        The pressures that the realisations need are sorted. The result is one of these pressures (an order statistic),
-        without interpolation between realisations.
+        Each realisation meets the limit from a certain pressure on. The result is an order statistic of these
+        pressures: the pressure of one realisation, without interpolation between realisations.
         """
         value = float(np.sort(self.needed_pressures(limit, peak))[_rank(fraction, self.count)])
         pressures = self.steps.pressures[self.steps_from_highest(peak)]
@@ -172,7 +177,7 @@ class Seals:
 def _rank(fraction: float, count: int) -> int:
     """Return the index of a quantile in a sorted array of `count` values.
 
-    The given fraction of the values, rounded up to a whole number of values, does not exceed the quantile.
+    At least the given fraction of the values, rounded up to a whole number of values, does not exceed the quantile.
     """
     # a product that is slightly above 9 because of rounding counts as 9
     number = ceil(fraction * count - 1e-9)
@@ -181,7 +186,7 @@ def _rank(fraction: float, count: int) -> int:
 
 @dataclass(frozen=True)
 class Requirement:
-    """Pressures that a leakage class needs.
+    """Hold the pressures at which a seal meets a leakage class.
 
     Parameters
     ----------
@@ -192,12 +197,12 @@ class Requirement:
     assembly : NeededPressure
         Qmin, the lowest pressure in assembly at which the class is met.
     service : dict of NeededPressure
-        QSmin for each pressure in assembly Q_A [Pa]: the pressure to which the seal may be unloaded in service.
+        QSmin for each pressure in assembly Q_A [Pa]: the lowest pressure to which the seal may be unloaded in service.
     for_fraction : NeededPressure
-        Lowest pressure in assembly at which a given fraction of the realisations meets the class, by their computed
-        leakage.
+        Lowest pressure in assembly at which a given fraction of the realisations meets the class. The computed leakage
+        of each realisation decides, without its interval.
     relaxed : NeededPressure, optional
-        Lowest pressure in assembly at which the class is still met after relaxation.
+        Lowest pressure in assembly at which the seal still meets the class after relaxation.
     """
 
     name: str
@@ -211,7 +216,7 @@ class Requirement:
 def requirement(
     seals: Seals, name: str, limit: float, fraction: float, relaxation: float = 0.0
 ) -> Requirement:
-    """Find the pressures that a leakage class needs.
+    """Find the pressures at which a seal meets a leakage class.
 
     Parameters
     ----------
@@ -222,7 +227,7 @@ def requirement(
     limit : float
         Largest leakage per length that the class allows [m²/s].
     fraction : float
-        Fraction of the realisations for `Requirement.for_fraction`.
+        Fraction of the realisations that must meet the class at the pressure `Requirement.for_fraction`.
     relaxation : float
         Fraction of the load in assembly that is lost before service.
 

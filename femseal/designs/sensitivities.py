@@ -1,19 +1,20 @@
-"""Compute how much each quantity changes the leakage of a seal and the pressure that it needs.
+"""Compute how strongly each quantity changes the leakage of a seal and the pressure at which it meets a class.
 
-A sensitivity is a logarithmic slope at one load, d ln L/d ln x. Two sensitivities need a further solution: the slope
-with respect to the hardness, and the slope with respect to the length in the flow law. For a rarefied gas, this length
-is the mean free path, which is proportional to the viscosity of the gas. For a fluid with slip, it is the slip length.
-All other slopes follow from these two and from the slope of the loading curve by two scaling laws. If heights, hardness
-and pressure are multiplied by the same number, every gap is multiplied by this number. If all stresses are multiplied
-by the same number, the gaps do not change. The leakage L therefore obeys
+A sensitivity is a logarithmic slope at one load, d ln L/d ln x. Two slopes require that the seal is solved again: the
+slope with respect to the hardness, and the slope with respect to the length in the flow law. For a rarefied gas, the
+length in the flow law is the mean free path, which is proportional to the viscosity of the gas. For a fluid with slip,
+the length in the flow law is the slip length. All other slopes follow from these two slopes, from the slope of the
+loading curve, and from two scaling laws of the leakage L. First law: if heights, hardness and pressure are multiplied
+by the same number α, all gaps are multiplied by α. Second law: if all stresses are multiplied by the same number β, the
+gaps do not change. The leakage L therefore obeys
 
     L(αa, E, αH, αp, αη, αb) = α² L(a, E, H, p, η, b)     L(a, βE, βH, βp, η, b) = L(a, E, H, p, η, b)
 
 with the amplitude a of the roughness, the contact modulus E, the hardness H, the nominal pressure p, the viscosity η
 (without slip and rarefaction, L is proportional to 1/η), and the slip length b. Taking logarithms and derivatives with
 respect to α and β gives s_a + s_H + s_p + s_η + s_b = 2 and s_E + s_H + s_p = 0, where s_x is d ln L/d ln x. The
-leakage of a long seal is inversely proportional to its breadth (Darcy's law). If a quantity x changes, the pressure
-that keeps the leakage constant changes as d ln p/d ln x = −s_x/s_p.
+leakage of a long seal is inversely proportional to the width of the seal (Darcy's law). If a quantity x changes and the
+leakage is to remain the same, the pressure p must change by d ln p/d ln x = −s_x/s_p.
 """
 
 from dataclasses import dataclass, replace
@@ -42,16 +43,17 @@ _INLET_CHANGE = 1e-4
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Logarithmic slopes of leakage and needed pressure with respect to one quantity x.
+    """Hold the logarithmic slopes of the leakage L and of the pressure Qmin with respect to one quantity x.
 
     Parameters
     ----------
     quantity : str
-        Name of the quantity.
+        Name of the quantity x.
     leakage : float
-        d ln L/d ln x of the leakage; NaN if unknown.
+        Slope d ln L/d ln x of the leakage L with respect to the quantity x; NaN if the slope is unknown.
     pressure : float
-        d ln Qmin/d ln x, where Qmin is the pressure that a leakage class needs in assembly; NaN if unknown.
+        Slope d ln Qmin/d ln x, where Qmin is the lowest pressure in assembly at which a leakage class is met; NaN if
+        the slope is unknown.
     how : str
         How the slopes were computed, as a text for tables.
     """
@@ -64,25 +66,26 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Variants:
-    """Further solutions of the same seals, each with one quantity changed, and properties of their solids and fluid.
+    """Hold further solutions of the same seals, each with one quantity changed, and properties of solids and fluid.
 
     Parameters
     ----------
     harder : Seals, optional
-        Solution with the hardness multiplied by `factor`; None if there is none.
+        Solution with the hardness multiplied by `factor`; None without such a solution.
     longer_length : Seals, optional
-        Solution with the length in the flow law multiplied by `factor`; None if there is none.
+        Solution in which the length in the flow law (mean free path or slip length) is multiplied by `factor`; None
+        without such a solution.
     factor : float
-        Factor by which the quantity is multiplied.
+        Factor by which the changed quantity is multiplied.
     can_yield : bool
         Whether the solids yield.
     hardens : bool
-        Whether the hardness changes with plastic deformation.
+        Whether the hardness increases with plastic deformation.
     length_parameter : str
         Parameter of the fluid that is proportional to the length in its flow law: "viscosity" for a rarefied gas, or
         the slip length; "" if the flow law has no length.
     inlet_slope : float
-        d ln L/d ln p_in, where p_in is the inlet pressure; NaN if unknown.
+        Slope d ln L/d ln p_in with respect to the inlet pressure p_in; NaN if the slope is unknown.
     """
 
     harder: Seals | None = None
@@ -96,7 +99,7 @@ class Variants:
 
 @dataclass(frozen=True)
 class _Slope:
-    """Slope d ln L/d ln x of the leakage, NaN if unknown, and a text that says how it was computed."""
+    """Hold the slope d ln L/d ln x of the leakage (NaN if unknown) and a text that says how the slope was computed."""
 
     value: float
     how: str
@@ -105,18 +108,18 @@ class _Slope:
 def sensitivities(
     seals: Seals, variants: Variants, pressure: float, fraction: float
 ) -> tuple[Sensitivity, ...]:
-    """Compute the slopes of the leakage that a fraction of the realisations does not exceed.
+    """Compute the logarithmic slopes of a quantile of the leakage with respect to all quantities.
 
     Parameters
     ----------
     seals : Seals
         Leakages of the realisations.
     variants : Variants
-        The same seals with one quantity changed.
+        Solutions of the same seals with one quantity changed.
     pressure : float
-        Nominal pressure on loading at which the slopes are computed [Pa].
+        Nominal pressure [Pa] during loading at which the slopes are computed.
     fraction : float
-        Fraction of the realisations.
+        Fraction of the realisations that do not exceed the quantile of the leakage.
 
     Returns
     -------
@@ -176,10 +179,11 @@ def sensitivities(
 
 
 def log_leakage_at(seals: Seals, pressure: float, fraction: float) -> float:
-    """Interpolate ln(leakage [m²/s]) on the loading curve at a nominal pressure [Pa].
+    """Interpolate ln L, with the leakage L per length of seal [m²/s], during loading at a nominal pressure [Pa].
 
-    The result is NaN if the leakage is unknown or 0 there. fraction : fraction of the realisations that do not exceed
-    this leakage.
+    The result is NaN if the leakage at this pressure is unknown or 0.
+
+    fraction : fraction of the realisations that do not exceed the leakage L.
     """
     log_pressure, log_leakage = _leaking_loads(seals, fraction)
     if not log_pressure.size:
@@ -188,12 +192,13 @@ def log_leakage_at(seals: Seals, pressure: float, fraction: float) -> float:
 
 
 def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
-    """Compute the slope d ln L/d ln p of the loading curve at a nominal pressure [Pa].
+    """Compute the slope d ln L/d ln p of the leakage L during loading at a nominal pressure p [Pa].
 
-    The slope is NaN if the pressure is outside the range of loads at which the seal leaks. The curve through the load
-    steps is a monotone cubic spline (PCHIP). The slope of the straight line between two load steps would have a large
-    error where the curve bends. For example, two solutions close to 579 MPa on the turned face of the examples give a
-    slope of −3.06. The slope of the spline is −3.00 there, and that of the straight line −2.73.
+    The slope is the derivative of a monotone cubic spline (PCHIP) of ln L over ln p through the load steps. A straight
+    line between two load steps would give a slope with a large error where the curve of ln L over ln p bends. On the
+    turned face of the examples, for example, two solutions with loads close to 579 MPa give a slope of −3.06; the
+    spline gives −3.00, and a straight line −2.73. The slope is NaN if the pressure is outside the range of loads at
+    which the seal leaks.
     """
     log_pressure, log_leakage = _leaking_loads(seals, fraction)
     at = np.log(pressure)
@@ -204,7 +209,7 @@ def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
 
 
 def _leaking_loads(seals: Seals, fraction: float) -> tuple[Array, Array]:
-    """Return ln(pressure) and ln(leakage) at the loads at which the seal leaks during loading, by rising pressure."""
+    """Return ln(pressure) and ln(leakage), by rising pressure, for all loads during loading at which the seal leaks."""
     steps = seals.steps_from_highest()[::-1]
     pressure = seals.steps.pressures[steps]
     leakage = seals.quantile_curve(fraction)[steps]
@@ -215,18 +220,18 @@ def _leaking_loads(seals: Seals, fraction: float) -> tuple[Array, Array]:
 def solved_variants(
     case: Case, results: Results, workers: int | None, progress: Progress
 ) -> Variants:
-    """Solve the seals of a run again, with a higher hardness and with a larger length in the flow law.
+    """Solve the seals of a run twice more: with a higher hardness, and with a larger length in the flow law.
 
-    The fluid is the test fluid if the case has one. If the solids do not yield, there is no solution with a higher
-    hardness. If the flow law has no length, there is no solution with a larger length.
+    If the case has a test fluid, the seals are solved with the test fluid. Elastic solids have no hardness, so that
+    `harder` is None. If the flow law contains no length, `longer_length` is None.
 
     Parameters
     ----------
     case : Case
         The case.
     results : Results
-        Results of the case. The seals are solved again with the same number of realisations. If the case has an
-        accuracy, the settings are those of the last attempt to reach it.
+        Results of the case. The number of realisations is the same as in these results. If the case has a required
+        accuracy, the numerical settings are taken from the last attempt to reach the accuracy.
     workers : int or None
         Number of processes. None: one for each core.
     progress : callable
@@ -274,7 +279,10 @@ def solved_variants(
 
 
 def inlet_slope(state: FluidState) -> float:
-    """Compute d ln L/d ln p_in, where p_in is the inlet pressure; NaN if the flow law depends on the pressure."""
+    """Compute the slope d ln L/d ln p_in with respect to the inlet pressure p_in.
+
+    The slope is NaN if the flow law depends on the pressure.
+    """
     if state.law.depends_on_pressure:
         return np.nan
     higher = replace(state, inlet_pressure=state.inlet_pressure * (1 + _INLET_CHANGE))
