@@ -45,6 +45,12 @@ _RENAMED_FACE_KEYS = {"places": "patches"}
 _ODD_RATIO = 2.0
 #: Units of the properties of a named solid.
 _SOLID_UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": "Pa"}
+#: Warning about a case with an accuracy, but without a method and without a whole seal.
+_ACCURACY_OF_FACE = (
+    "The leakage is that of the surface alone, not that of whole seals: the case asks for an accuracy, but gives "
+    'neither a method nor the length of the seal, so that the method is "deterministic". For whole seals, set '
+    'method = "stochastic" and a length in [stochastic]; to keep the surface alone, set method = "deterministic"'
+)
 #: Heading of a column in a file with the hardness at several depths: name and unit.
 _COLUMN = re.compile(r"(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]$")
 HARDNESS_COLUMNS = (
@@ -55,15 +61,16 @@ HARDNESS_COLUMNS = (
 def complete(data: RawTable) -> RawTable:
     """Return the tables of a case, completed as described at the top of this module.
 
-    The entry `named_warnings` of the returned data contains warnings about renamed keys, and about properties that
-    differ by more than a factor of `_ODD_RATIO` from the properties of a named fluid or solid.
+    The entry `named_warnings` of the returned data contains warnings about renamed keys, about a method that follows
+    from the accuracy, and about properties that differ by more than a factor of `_ODD_RATIO` from the properties of a
+    named fluid or solid.
     """
     # Where the user has given another value instead of a table, an empty table takes its place here. At the end the
     # value is put back, so that the validation reports it.
     no_tables = {name: data[name] for name in _TABLES if not isinstance(data.get(name, {}), dict)}
     data = data | {name: {} for name in no_tables}
     warnings: list[str] = []
-    data = _with_tables_for_methods(data)
+    data = _with_tables_for_methods(data, warnings)
     data = _with_present_face_keys(data, warnings)
     data = _with_complete_fluids(data, warnings)
     for table_key in ("material", "counter_material"):
@@ -94,12 +101,12 @@ def _names_files(table: Any) -> bool:
 # --- methods and faces ------------------------------------------------------------------------------------------
 
 
-def _with_tables_for_methods(data: RawTable) -> RawTable:
+def _with_tables_for_methods(data: RawTable, warnings: list[str]) -> RawTable:
     """Add the method if it is missing, and the table [stochastic] if one of the methods needs it.
 
     The default method is "stochastic". If the case asks for an accuracy but does not describe a whole seal, the default
-    method is "deterministic". A strip without a table [stochastic] is not a whole seal, because this table would
-    contain its length. The method "auto" of earlier versions is replaced by "deterministic".
+    method is "deterministic", and a warning is added. A strip without a table [stochastic] is not a whole seal, because
+    this table would contain its length. The method "auto" of earlier versions is replaced by "deterministic".
     """
     is_strip = data.get("seal", {}).get("kind", "rectangular") == "rectangular"
     has_accuracy = data.get("accuracy") is not None
@@ -107,6 +114,8 @@ def _with_tables_for_methods(data: RawTable) -> RawTable:
     method = data.get("method", "deterministic" if is_only_face else "stochastic")
     if method == "auto":
         method = "deterministic"
+    if is_only_face and "method" not in data:
+        warnings.append(_ACCURACY_OF_FACE)
     compared = data.get("compare", ())
     is_compared = isinstance(compared, list) and "stochastic" in compared
     added: RawTable = {}

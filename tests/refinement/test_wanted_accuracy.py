@@ -20,6 +20,7 @@ from femseal.refinement.refine_to_accuracy import (
     last_version,
 )
 from femseal.results.tables import attempt_sentences
+from femseal.runs.forecast import describe
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -96,8 +97,10 @@ def test_what_was_tried_is_told(reached, tmp_path):
     assert sentences[0].startswith("The accuracy of 3 % is reached: the leakage is known within ")
     assert table.lines[0][table.heads.index("points")] == "32 × 32"
     assert len(table.lines) == len(reached.attempts["attempts"]) > 1
-    assert not reached.warnings
+    (warning,) = reached.warnings
     page = reached.report(tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "The leakage is that of the surface alone" in warning
+    assert "The leakage is that of the surface alone" in page
     assert "Attempts at the accuracy; error" in page
 
 
@@ -171,6 +174,29 @@ def test_what_is_changed_where_a_source_of_error_limits_or_why_nothing_is(
     else:
         expected = vars(settings) | changed(settings)
         assert vars(finer) == expected
+
+
+@pytest.mark.parametrize(
+    ("changes", "method", "warns"),
+    [
+        ({}, "deterministic", True),
+        ({"method": "deterministic"}, "deterministic", False),
+        ({"method": "stochastic"}, "stochastic", False),
+        ({"stochastic": {"length": "300 um"}}, "stochastic", False),
+        ({"accuracy": None}, "stochastic", False),
+    ],
+)
+def test_a_method_that_follows_from_the_accuracy_is_warned_of(changes, method, warns):
+    """A surface alone is computed if the case asks for an accuracy and does not describe a whole seal."""
+    tables = {name: value for name, value in (SMALL | changes).items() if value is not None}
+    made = parse_case(tables)
+    assert made.method == method
+    assert [text for text in made.named_warnings if 'method = "stochastic"' in text] == list(
+        made.named_warnings
+    )
+    assert len(made.named_warnings) == warns
+    if warns:
+        assert any('method = "stochastic"' in line for line in describe(made, prepare(made)))
 
 
 WITHOUT = {key: value for key, value in SMALL.items() if key != "accuracy"}
