@@ -1,12 +1,17 @@
-"""Solve a surface block by block, if it is too large for the memory of the machine.
+"""Compute the leakage of a surface block by block, if the surface is too large for the memory of the machine.
 
-The surface is divided into blocks, and its heights into short and long waves. The contact of each block is solved with
-its short waves alone. The waves longer than two cells form a coarse surface with one point for each cell. In the
-contact of this coarse surface, the short waves of the blocks act as a compliant rough layer. This contact gives the
-pressure of every cell. If the fluid carries a part of this pressure, only the rest presses the surfaces of the cell
-together. The permeability of each cell is taken from the contact of its block at this remaining pressure. Finally, the
-flow through all cells, in their order on the surface, gives the leakage. No more than one block needs to be in memory
-at a time.
+The surface is divided into blocks, and each block into 4 × 4 cells. The leakage is computed in four steps:
+
+- The heights of the surface are split into long waves and short waves. Waves longer than two cells count as long waves.
+- The contact of each block is solved with the short waves only. The result is the separation of the surfaces as a
+  function of the pressure.
+- The contact of the whole surface is solved on a coarse grid with one point for each cell. The heights on the coarse
+  grid are the long waves; the short waves act as a compliant rough layer. The result is the nominal pressure of every
+  cell.
+- The permeability of every cell is computed from the contact of its block, at the nominal pressure of the cell minus
+  the pressure that the fluid carries. The leakage is the flow through all cells in their order on the surface.
+
+Only one block at a time needs to be in memory.
 """
 
 from __future__ import annotations
@@ -39,15 +44,16 @@ from .rough_layer import RoughLayer
 from .sampling import TileFluid
 from .seal_contact import opening_permeability
 
-#: Cells of a block along each axis. Measured on 10 surfaces of 2 × 2 blocks: with 4 cells, the quartiles of the leakage
-#: over that of the whole surface are 0.90 and 1.43. With 2 cells they are 0.79 and 1.33, and the end of a 95 % interval
-#: is at a factor of 4.6 instead of 2.2.
+#: Cells of a block along each axis. Measured on 10 surfaces of 2 × 2 blocks: with 4 cells, the quartiles of the ratio
+#: (computed leakage)/(leakage of the whole surface) are 0.90 and 1.43. With 2 cells, the quartiles are 0.79 and 1.33,
+#: and the end of a 95 % interval is at a factor of 4.6 instead of 2.2.
 CELLS = 4
-#: Longest wave of the heights of a block, in sides of a cell. Longer waves belong to the coarse surface.
+#: Longest wavelength in the heights of a block, divided by the side length of a cell. Longer waves belong to the coarse
+#: surface.
 _LONGEST_WAVE = 2.0
-#: Factor on the usual spacing of tabulated pressures. With the usual spacing, the leakage of four surfaces differs by
-#: less than 2 % on loading, down to a hundredth of the leakage at the first load, and by less than 8 % on unloading. It
-#: takes 1.9 times as long.
+#: Factor by which the default spacing of tabulated pressures is multiplied. The default spacing takes 1.9 times as
+#: long. On four surfaces, the default spacing changed the leakage by less than 2 % on loading, down to a hundredth of
+#: the leakage at the first load, and by less than 8 % on unloading.
 _SPACING_FACTOR = 2
 #: Largest number of points along a side of a block, unless the user gives the numbers of blocks.
 _MOST_POINTS_OF_SIDE = 1024
@@ -57,22 +63,23 @@ _MOST_POINTS_OF_SIDE = 1024
 class BlocksResult(Shown):
     """Hold the leakage of a surface that was solved block by block, and the permeabilities of its cells.
 
-    Fields of cells are arrays (steps, rows, columns), with the cells in their order on the surface.
+    The fields `k1`, `k2`, `pressure` and `mean_gap` of the cells are arrays (steps, rows, columns), with the cells in
+    their order on the surface.
 
     Parameters
     ----------
     leakage : array
-        Leakage per unit seal length [m²/s], one value for each load step. It is NaN where a flow failed.
+        Leakage per unit seal length [m²/s] at each load step; NaN where the flow solver failed.
     counts : SolveCounts
         Number of linear systems that each solver solved for the cells, in all contact states of the blocks.
     patch_state : PatchState
         Contact states of the whole surface, which determine the width of the 95 % interval.
     failures : tuple of str
-        Reasons for values that are NaN.
+        Reasons why values of the result are NaN.
     warnings : tuple of str
-        Results that are not plausible, one sentence each.
+        One sentence for each result that is not plausible.
     quick_estimate : QuickEstimate
-        Leakage estimated from the spectrum of the surface. None for a surface for which this estimate is not valid.
+        Leakage estimated from the spectrum of the surface; None if the estimate is not valid for this surface.
     """
 
     steps: LoadProgramme
@@ -105,7 +112,7 @@ class BlocksResult(Shown):
 
     @property
     def cells(self) -> BlocksResult:
-        """Object that contains the fields of the cells, which is this result itself."""
+        """The result itself, which contains the fields of the cells."""
         return self
 
 
@@ -120,7 +127,8 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
         Numbers of blocks along x1 and x2. Each block has 4 × 4 cells, so that the number of points along an axis must
         be divisible by 4 times the number of blocks.
     mapper : callable
-        Computes a stage for all blocks, such as the builtin `map`. It may use several processes or a cluster.
+        Function such as the builtin `map`, which computes a stage for all blocks. The mapper may use several processes
+        or a cluster.
 
     Returns
     -------
@@ -130,8 +138,8 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
     Raises
     ------
     InputError
-        The numbers of blocks do not divide the points; or the scene has several measured patches, trapped liquid or a
-        spiral lay, which blocks do not support.
+        The numbers of points are not divisible into blocks and cells. The error is also raised for a scene with several
+        measured patches, with trapped liquid or with a spiral lay, which this study does not support.
     NotConverged
         The contact solver failed.
 
@@ -199,7 +207,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
 
 
 def check_blocks(scene: Scene, blocks: Shape) -> None:
-    """Raise InputError if a scene cannot be divided into these numbers of blocks along x1 and x2."""
+    """Raise InputError if the surface of a scene cannot be divided into `blocks` along x1 and x2."""
     for points, count in zip(scene.surface.shape, blocks, strict=True):
         if count < 1 or points % (count * CELLS) or points // (count * CELLS) < FEWEST_POINTS:
             expected = (
@@ -212,7 +220,7 @@ def check_blocks(scene: Scene, blocks: Shape) -> None:
         raise InputError(
             "blocks",
             "several patches",
-            "a single patch, as several patches are not divided further",
+            "a single patch, because several patches cannot be divided into blocks",
         )
     if scene.traps_liquid:
         raise InputError("fluid_pressure", "'trapped' with blocks", "'acts'")
@@ -221,9 +229,9 @@ def check_blocks(scene: Scene, blocks: Shape) -> None:
 
 
 def blocks_of(cells: Shape | None) -> Shape:
-    """Return the numbers of blocks along x1 and x2 into which a surface with these numbers of cells is divided.
+    """Return the numbers of blocks along x1 and x2, for a surface with given numbers of cells.
 
-    Each block has 4 × 4 cells. Raises InputError if one of the numbers of cells is not divisible by 4.
+    Each block consists of 4 × 4 cells. Raises InputError if one of the numbers of cells is not divisible by 4.
     """
     if cells is None or any(count % CELLS for count in cells):
         raise InputError("cells", cells, f"multiples of {CELLS}, the cells of a block")
@@ -233,8 +241,8 @@ def blocks_of(cells: Shape | None) -> Shape:
 def usual_blocks(points: Shape) -> Shape:
     """Choose the smallest numbers of blocks for which a block has at most 1024 points along a side.
 
-    The points along each axis must divide evenly into blocks, and the points of a block evenly into its cells. If this
-    is not possible along an axis, two blocks are returned for this axis; `check_blocks` then raises an error.
+    Along each axis, all blocks and all cells must have equal numbers of points. If no such division exists along an
+    axis, two blocks are returned for this axis, which `check_blocks` rejects with an error.
     """
     counts = []
     for n in points:
@@ -245,7 +253,7 @@ def usual_blocks(points: Shape) -> Shape:
 
 
 def _split(scene: Scene, blocks: Shape, position: tuple[int, ...]) -> tuple[Scene, Array]:
-    """Cut a block out of the surface, and split its heights into short and long waves.
+    """Cut a block out of the surface, and split the heights of the block into short and long waves.
 
     Parameters
     ----------
@@ -259,7 +267,7 @@ def _split(scene: Scene, blocks: Shape, position: tuple[int, ...]) -> tuple[Scen
     Returns
     -------
     scene : Scene
-        The block with its short waves alone, continued as a mirror image at all sides.
+        Scene whose surface is the block without its long waves, continued by mirror images at all four sides.
     long_waves : array (CELLS, CELLS), m
         Heights of the long waves, averaged over each cell.
     """
@@ -284,12 +292,12 @@ def _cells_of_block(values: Array, position: tuple[int, ...]) -> Array:
 
 
 def _layer(block: Scene) -> RoughLayer:
-    """Solve the contact of the short waves of a block, as a rough layer."""
+    """Compute the rough layer of a block from the contact of its short waves."""
     return RoughLayer.of(block, map, block.boundary)
 
 
 def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[RoughLayer]) -> Array:
-    """Solve the contact of the coarse surface, in which every cell has the rough layer of its block.
+    """Solve the contact of the coarse surface, on which every cell has the rough layer of its block.
 
     Parameters
     ----------
@@ -300,12 +308,12 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
     depth : array (rows, columns), m
         Depth of each cell below the highest cell.
     layers : list of RoughLayer
-        One layer for each block, row by row.
+        Rough layer of each block, row by row.
 
     Returns
     -------
     array (3, steps, rows, columns)
-        Contact pressure [Pa], separation of the mean planes [m] and opening beyond first touch [m] of every cell.
+        Contact pressure [Pa], separation of the mean planes [m] and opening [m] of every cell, see `PointSolution`.
     """
     size = scene.surface.size
     spacing = size[0] / depth.shape[0], size[1] / depth.shape[1]
@@ -327,7 +335,7 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
 
 @dataclass(frozen=True, eq=False)
 class _SolvedBlock:
-    """Hold the solution of a block.
+    """Hold the permeabilities and the contact states of a solved block.
 
     Parameters
     ----------
@@ -345,9 +353,9 @@ class _SolvedBlock:
 
 
 def _solve_block_cells(block_and_pressure: tuple[Scene, Array]) -> _SolvedBlock:
-    """Compute the permeabilities of the cells of a block under the pressures of the coarse contact.
+    """Compute the permeabilities of the cells of a block at the pressures from the contact on the coarse grid.
 
-    The argument is the scene of the block, and the pressure of its cells (steps, CELLS, CELLS) [Pa].
+    block_and_pressure : scene of the block, and nominal pressure of each of its cells (steps, CELLS, CELLS) [Pa].
     """
     block, pressure = block_and_pressure
     steps = block.steps
@@ -371,7 +379,7 @@ def _solve_block_cells(block_and_pressure: tuple[Scene, Array]) -> _SolvedBlock:
 def _surface_state(scene: Scene, blocks: list[PatchState], gap: Array) -> PatchState:
     """Combine the contact states of all blocks into the contact states of the whole surface.
 
-    All blocks are assumed to contribute equally to the dissipation of the flow.
+    The flow through the surface is assumed to dissipate the same power in each block.
 
     Parameters
     ----------
@@ -382,14 +390,14 @@ def _surface_state(scene: Scene, blocks: list[PatchState], gap: Array) -> PatchS
     gap : array (steps, rows, columns), m
         Mean gap of each cell.
     """
-    # The number of carriers is N = (Σd)²/Σd², where d is the dissipation in each part of a block. Let every one of the
-    # n blocks dissipate D in total. Then Σd² of a block with N carriers is D²/N, and (Σd)² of the whole surface is
+    # The number of carriers is N = (Σd)²/Σd², where d is the dissipation in each part of a block. Let each of the n
+    # blocks dissipate the power D. Then Σd² of a block with N carriers is D²/N, and (Σd)² of the whole surface is
     # (n D)², so that the surface has n²/Σ(1/N) carriers.
     reciprocals = [1 / np.nan_to_num(block.carriers, nan=1.0) for block in blocks]
     carriers = len(blocks) ** 2 / np.sum(reciprocals, axis=0)
     contact_fraction = np.mean([block.contact_fraction for block in blocks], axis=0)
     mean_gap = gap.mean(axis=(1, 2))
     open_leakage = scene.unit_leakage * mean_gap**3 / 12
-    # the cells of blocks stay in order, so that no flow across their sides is lost
+    # the cells of blocks stay in order, so that no flow through channels between cells is lost
     detours = np.zeros(len(carriers))
     return PatchState(carriers, contact_fraction, detours, open_leakage)

@@ -16,7 +16,7 @@ from ..seal.tiles import SealTiles, face_tiles
 
 
 def cells_in_order(scene: Scene, size: Pair, k: Array, boundary: str) -> Leakage | Failed:
-    """Solve the flow along the first axis over cells that stay in order.
+    """Solve the flow along the first axis through a grid of cells in their order on the surface.
 
     Parameters
     ----------
@@ -27,8 +27,8 @@ def cells_in_order(scene: Scene, size: Pair, k: Array, boundary: str) -> Leakage
     k : array (fluid pressures, 2, m1, m2), m³
         Permeabilities of the cells along the first and the second axis.
     boundary : str
-        How the cells continue along the second axis. Unless this is "periodic", nothing flows through the two sides of
-        the surface.
+        Boundary condition along the second axis. "periodic" continues the grid of cells periodically; any other value
+        closes the two sides of the grid to the flow.
     """
     if boundary != "periodic":
         # The mirror image makes the flow periodic. Nothing flows across the lines of symmetry, which are the sides.
@@ -52,14 +52,14 @@ def cells_permeability_along_x2(scene: Scene, cut: Cut, k: Array, boundary: str)
     k : array (fluid pressures, 2, m1, m2), m³
         Permeabilities of the cells along x1 and x2.
     boundary : str
-        How the surface continues along x1.
+        Boundary condition along x1 for the flow along x2, with the same values as for `cells_in_order`.
 
     Returns
     -------
     float, m³
-        Mean permeability of the patches, weighted by their widths; NaN if a flow failed.
+        Mean permeability of the patches, weighted by their widths; NaN if the flow solver failed for a patch.
     """
-    # Exchange the axes, because `cells_in_order` solves the flow along the first one: x2 becomes the first axis.
+    # Exchange the axes, because `cells_in_order` solves the flow along the first axis: x2 becomes the first axis.
     k_x2_first = k[:, ::-1].swapaxes(-1, -2)
     drops_times_k, widths = [], []
     for columns in cut.patch_columns:
@@ -79,7 +79,7 @@ def cells_permeability_along_x2(scene: Scene, cut: Cut, k: Array, boundary: str)
 def flow_in_order(
     scene: Scene, tiles: SealTiles, k: Array, pressures: Sequence[float], piecewise: bool = False
 ) -> Leakage | Failed:
-    """Solve the flow along x1 through cells that stay in order.
+    """Solve the flow along x1 through tiles that have the same order as the cells on the surface.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def flow_in_order(
     pressures : sequence of float, Pa
         Fluid pressures at which the permeabilities are known.
     piecewise : bool
-        How the permeabilities are interpolated between these pressures, see `flow.PermeabilityTable`.
+        How the permeabilities are interpolated between the fluid pressures, see `flow.PermeabilityTable`.
     """
     tile_k = k.reshape(len(k), 2, -1)  # (fluid pressure, axis, tile)
     element_k = tiles.permeability(tile_k[:, 0], tile_k[:, 1])

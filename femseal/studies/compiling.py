@@ -1,8 +1,9 @@
-"""Compile the loops of contact and flow before a run with several processes, once after an installation.
+"""Compile the numerical loops of contact and flow after an installation, before the first run with several processes.
 
-Numba compiles a loop at its first call and stores the machine code in a file. Several processes that call a loop at the
-same time would all compile it. Here each process first compiles a part of the loops, by solving a tiny problem that
-calls them, and later reads the machine code of the other parts from files.
+Numba compiles a function at its first call and stores the machine code in a file. If several processes called the same
+function for the first time, each process would compile the function. To avoid repeated compilation, the functions are
+divided among the processes. Each process compiles its share by solving tiny problems, and later reads the machine code
+of all other functions from files.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ log = logging.getLogger("femseal")
 
 
 def compile_ahead(mapper: Mapper, progress: Progress = no_progress) -> None:
-    """Compile the loops of contact and flow in the processes of a mapper, unless this was done before.
+    """Compile the loops of contact and flow in the processes of a mapper, unless the loops are already compiled.
 
-    progress : called as progress(stage, done, total).
+    progress : function that is called as progress(stage, done, total) when a part of the loops has been compiled.
     """
     record = _record()
     if record is None or record.exists():
@@ -43,18 +44,18 @@ def compile_ahead(mapper: Mapper, progress: Progress = no_progress) -> None:
     progress(stage.name, 0, len(_PARTS))
     for count, _ in enumerate(mapper(stage, list(_PARTS)), start=1):
         progress(stage.name, count, len(_PARTS))
-    # without a record, the next run repeats the stage and finds the loops compiled
+    # without the record file, the next run repeats the stage and finds the machine code in the cache
     with suppress(OSError):
         record.touch()
 
 
 def _record() -> Path | None:
-    """Return the path of an empty file in the cache folder, which exists if the loops have been compiled.
+    """Return the path of the record file, an empty file whose existence shows that the loops have been compiled.
 
-    Its name depends on everything that the machine code depends on: the source files, the processor, and the versions
-    of Numba and NumPy. The result is None if nothing is compiled, because NUMBA_DISABLE_JIT is set.
+    The name of the record file depends on everything that the machine code depends on: the source files, the processor,
+    and the versions of Numba and NumPy. If the compiler is switched off by NUMBA_DISABLE_JIT, None is returned.
     """
-    if not hasattr(energy_of, "stats"):  # with NUMBA_DISABLE_JIT it is a plain Python function
+    if not hasattr(energy_of, "stats"):  # a plain Python function, because of NUMBA_DISABLE_JIT
         return None
     package = Path(flow.__file__).parents[1]
     dependencies = [
@@ -71,7 +72,7 @@ def _record() -> Path | None:
 
 
 def _compile(part: str) -> None:
-    """Compile one part of the loops by solving a tiny problem that calls them, see `_PARTS`."""
+    """Compile one of the parts in `_PARTS`, by solving a tiny problem that calls its loops."""
     _PARTS[part]()
 
 
@@ -84,7 +85,7 @@ def _network() -> flow.Stencil:
 
 
 def _gap(n: int) -> Array:
-    """Return a wavy gap (n, n), a part of which is closed."""
+    """Return a gap (n, n) with the shape of cosine waves, which is 0 at some of the points."""
     waves = 1 + np.cos(2 * np.pi * np.arange(n) / n)
     return np.maximum(waves[:, None] + 0.5 * waves - 0.4, 0.0)
 
@@ -115,13 +116,14 @@ def _compile_cells() -> None:
 
 
 def _compile_seals() -> None:
-    """Compile the loops that are used by seals, and by contact that is coupled with the flow."""
+    """Compile the loops for the flow over seals, and for contact that is coupled with the fluid pressure."""
     solve_flow(flow.Stencil(np.ones((3, 200)), np.ones((2, 200))))
     harmonic_fill(np.where(_gap(4) > 1, _gap(4), np.nan))
 
 
-#: Parts of 4 to 19 s, in the order in which they start. "multigrid" and "cells" call loops of other parts. With two
-#: processes, these are compiled by then, and both processes end at about the same time.
+#: Parts that take 4 to 19 s each, in the order in which they are started. The parts "multigrid" and "cells" call loops
+#: of other parts. With two processes, the other parts are already compiled when "multigrid" and "cells" start, and both
+#: processes end at about the same time.
 _PARTS: dict[str, Callable[[], object]] = {
     "elimination": lambda: solve_flow(_network(), solver="elimination"),
     "levels": _compile_levels,

@@ -1,6 +1,7 @@
-"""Solve the pressures of points on an elastic half-space that carry a compliant rough layer and may separate.
+"""Solve the contact pressures of points on an elastic half-space that is covered with a compliant rough layer.
 
-The points belong to a seal with a form (`seal_contact`), or they are the cells of a large surface (`blocks`).
+The module `seal_contact` uses points over a seal with a form deviation. The module `blocks` uses one point for each
+cell of a large surface.
 """
 
 from __future__ import annotations
@@ -20,28 +21,29 @@ from .rough_layer import RoughLayer
 
 #: Relative change of the pressures at which the iteration has converged, and largest number of iterations.
 _RTOL, _MOST_ITERATIONS = 1e-5, 5000
-#: A step of the iteration is too long if the slope of the energy at its end has the opposite sign and more than this
-#: fraction of the size at its start. A shorter step is then computed with the same relative accuracy.
+#: The slope of the energy along a step of the iteration changes its sign if the step is too long. A slope at the end of
+#: up to this fraction of the slope at the start is accepted. Otherwise, a shorter step is computed with the same
+#: relative accuracy.
 _OVERSHOT = 0.1
 #: Error of the uniform part of the pressure, as a fraction of the mean pressure.
 _UNIFORM_TOLERANCE = 1e-3
-#: Function that evaluates the separation s [m] of the layer and ds/dp at pressures (n,) [Pa].
+#: Function that returns the separation s [m] and ds/dp [m/Pa] of the rough layer at pressures (n,) [Pa].
 LayerLaw = Callable[[Array], tuple[Array, Array]]
 
 
 class PointSolution(NamedTuple):
-    """Hold the contact of all points under one mean pressure.
+    """Hold pressures and separations of all points under a given mean pressure.
 
     Attributes
     ----------
     pressure : array (n,), Pa
-        Pressure of each point.
+        Contact pressure at each point.
     separation : array (n,), m
         Distance between the mean planes of the rough surfaces.
     opening : array (n,), m
-        How much larger the separation is than at first touch; 0 for points in contact.
+        Opening: separation minus the separation at which the rough surfaces just touch; 0 at points in contact.
     sunk : array (n,), m
-        Permanent displacement of points at which the bodies have yielded.
+        Permanent displacement of each point by the yielding of the bodies.
     """
 
     pressure: Array
@@ -58,14 +60,15 @@ class ContactPoints:
     body : HalfSpace
         Elastic half-space of n1 × n2 points.
     inside : array of bool (n1, n2)
-        Whether each point of the half-space belongs to the seal. The number of these points is n.
+        Whether each point of the half-space belongs to the seal. The seal has n points.
     depth : array (n,), m
-        Depth of each point below the highest one.
+        Depth of each point below the highest point.
     yield_pressure : float, Pa
         Pressure at which the body yields.
     row : array of int (n,), optional
-        Number of the row of each point. If it is given, the uniform part of the pressure, which every row carries, does
-        not deform the body. By default, the whole pressure deforms the body.
+        Index of the row to which each point belongs. If `row` is given, the deformation of the body by the uniform part
+        of the pressure is neglected. The uniform part is the smallest mean pressure of a row. By default, the whole
+        pressure deforms the body.
     """
 
     def __init__(
@@ -85,8 +88,8 @@ class ContactPoints:
         middle = body.shape[0] // 2, body.shape[1] // 2
         unit_pressure[middle] = 1.0
         displacement = body.displacement(unit_pressure)
-        # Compliance of a single point: its displacement relative to the farthest point, because displacements in plane
-        # strain are only known up to a constant.
+        # Compliance of a single point: displacement by its own pressure, relative to the displacement of the farthest
+        # point. Displacements in plane strain are only known up to a constant.
         self._point_compliance = float(displacement[middle] - displacement.min())
         self._uniform_displacement = self.displacement(np.ones(depth.size))
 
@@ -99,19 +102,19 @@ class ContactPoints:
     def solve(self, layer: LayerLaw, load: float, start: Array, sunk: Array) -> PointSolution:
         """Solve the contact under a given mean pressure.
 
-        The uniform part of the pressure is the smallest mean pressure of a row. It is found by iteration, because the
-        pressures of the rows depend on the uniform part.
+        The uniform part of the pressure is the smallest mean pressure of a row. The uniform part is found by iteration,
+        because the pressures of the rows depend on the uniform part.
 
         Parameters
         ----------
         layer : callable
-            Evaluates the separation s [m] of the layer and ds/dp at pressures (n,) [Pa].
+            Function that returns the separation s [m] and ds/dp [m/Pa] of the rough layer at pressures (n,) [Pa].
         load : float, Pa
             Mean pressure.
         start : array (n,), Pa
-            Pressures near the solution.
+            Initial pressures for the iteration, near the solution; zeros if no such pressures are known.
         sunk : array (n,), m
-            Permanent displacement of each point.
+            Permanent displacement of each point by earlier yielding.
         """
         if self._row is None or load == 0:
             return self._solve_with_uniform_part(0.0, layer, load, start, sunk)
@@ -120,7 +123,7 @@ class ContactPoints:
         solution_by_fraction: dict[float, PointSolution] = {}
 
         def excess(uniform_fraction: float) -> float:
-            """Solve with an assumed uniform part; return (smallest row pressure − uniform part)/load."""
+            """Return (smallest mean pressure of a row − uniform part)/load for an assumed uniform part."""
             guess = start
             if solution_by_fraction:
                 nearest = min(solution_by_fraction, key=lambda other: abs(other - uniform_fraction))
@@ -131,8 +134,8 @@ class ContactPoints:
             row_pressure = np.bincount(row, solution.pressure) / points_of_row
             return float(row_pressure.min()) / load - uniform_fraction
 
-        # The uniform part is the root of the excess. It is the whole load if all rows are pressed equally, and 0 if a
-        # row is not in contact.
+        # The uniform part is the root of the function `excess`. If all rows have the same pressure, the uniform part is
+        # the whole load. If a row is not in contact, the uniform part is 0.
         uniform_fraction = 1.0
         if excess(1.0) < -_UNIFORM_TOLERANCE:
             uniform_fraction = 0.0
@@ -143,11 +146,11 @@ class ContactPoints:
     def _solve_with_uniform_part(
         self, uniform_part: float, layer: LayerLaw, load: float, start: Array, sunk: Array
     ) -> PointSolution:
-        """Solve the contact under a mean pressure `load`, of which `uniform_part` [Pa] does not deform the body.
+        """Solve the contact under the mean pressure `load`, without the deformation of the body by `uniform_part` [Pa].
 
         The solution is found by conjugate gradients under a fixed load (Polonsky & Keer, Wear 231, 1999, 206). The
-        unknowns are the pressures of the points that are in contact and do not yield. The preconditioner is the
-        compliance of each point and its layer.
+        unknowns are the pressures of the points that are in contact and do not yield. The preconditioner of a point is
+        1/(compliance of the body at this point + compliance of the rough layer).
         """
         n = self.depth.size
         # the convolution below includes the displacement by the uniform part, which is subtracted here
@@ -168,10 +171,11 @@ class ContactPoints:
             free = (p > 0) & (p < yield_pressure)
             if not free.any():
                 free = p > 0
-            # The approach of the bodies is unknown. It is chosen so that the weighted mean residual vanishes.
+            # The approach of the bodies is unknown. The approach is chosen so that the weighted mean residual vanishes.
             residual -= weight[free] @ residual[free] / weight[free].sum()
             correction = -weight * residual
-            # points that would overlap come into contact, and yielded points from which pressure is taken become free
+            # points where the bodies would overlap come into contact; yielded points whose pressure decreases become
+            # free
             overlaps = (p == 0) & (residual + separation < touch)
             unloads = (p == yield_pressure) & (correction < 0)
             freed = overlaps | unloads
@@ -191,8 +195,8 @@ class ContactPoints:
             )
             curvature = float((direction_displacement - slope * direction) @ direction)
             length = -float(residual @ direction) / curvature
-            # Where the layer becomes stiffer within the step, as at the pressure at which the bodies yield, the
-            # curvature at its start makes the step too long.
+            # Where the rough layer becomes stiffer along the step, for example near the yield pressure of the bodies,
+            # the curvature at the start of the step makes the step too long.
             if slope_at(length) > -_OVERSHOT * slope_at(0.0):
                 length = float(brentq(slope_at, 0.0, length, rtol=_OVERSHOT))
             p = np.clip(p + length * direction, 0.0, yield_pressure)
@@ -208,9 +212,9 @@ class ContactPoints:
 
 
 def _scale_to_load(p: Array, is_free: Flags, load: float) -> Array:
-    """Scale the pressures of the free points so that the mean pressure of all points becomes `load`.
+    """Scale the pressures of the free points, so that the mean pressure of all points becomes `load`.
 
-    If no point is free, the pressures of all points in contact are scaled.
+    Free points are in contact and do not yield. Without free points, the pressures of all points in contact are scaled.
     """
     scaled = is_free if is_free.any() else p > 0
     p[scaled] *= max(0.0, load * p.size - p[~scaled].sum()) / p[scaled].sum()
@@ -225,33 +229,34 @@ def _energy_slope(
     layer: LayerLaw,
     length: float,
 ) -> float:
-    """Compute the derivative of the energy with respect to the step length, at the pressures p + length · direction.
+    """Compute the derivative of the elastic energy with respect to the step length, at p + length · direction.
 
-    The gradient of the energy is the distance between the smooth bodies minus the separation s of the layer. The
-    derivative is the scalar product of this gradient with the direction.
+    The gradient of the elastic energy with respect to the pressures is the distance between the smooth bodies minus the
+    separation s of the rough layer. The derivative is the scalar product of the gradient and the search direction.
 
     Parameters
     ----------
     p, direction : array (n,), Pa
-        Pressures at the start of the step, and direction of the step.
+        Pressures at the start of the iteration step, and search direction in the space of the pressures.
     distance, direction_displacement : array (n,), m
-        Distance between the smooth bodies at the start of the step, and displacement under the pressures `direction`.
+        Distance between the smooth bodies at the start of the iteration step, and displacement of the bodies under the
+        pressures `direction`.
     layer : callable
-        Evaluates the separation s [m] of the layer and ds/dp at pressures (n,) [Pa].
+        Function that returns the separation s [m] and ds/dp [m/Pa] of the rough layer at pressures (n,) [Pa].
     length : float
-        Step length.
+        Step length, as a multiple of `direction`.
     """
     separation, _ = layer(p + length * direction)
     return float((distance + length * direction_displacement - separation) @ direction)
 
 
 def solve_steps(points: ContactPoints, steps: LoadProgramme, layer: RoughLayer) -> Array:
-    """Solve the contact of points with their rough layer at all load steps.
+    """Solve the contact of points with a rough layer at all load steps.
 
     Returns
     -------
     array (3, steps, n)
-        Pressure [Pa], separation [m] and opening [m] of each point.
+        Pressure [Pa], separation [m] and opening [m] at each point, see `PointSolution`.
     """
     solutions: dict[tuple[float, float | None], PointSolution] = {}  # by pressure and peak
     loads = {step.pressure for step in steps if step.unloaded_from is None}

@@ -1,4 +1,4 @@
-"""Solve contact and flow of a whole surface on all of its pixels at each load step, and the flow through its cells."""
+"""Solve contact and flow of a whole surface at each load step, on all pixels, and the flow through its cells."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from ..topography import Patches
 from .cell_states import FaceCells, PatchLeakage, join_states, permeabilities_of_patches
 
 #: Memory of a pixel of a stored state [byte]: gap, contact pressure and potential in single precision, and one bit that
-#: says whether it is at the hardness.
+#: says whether the contact pressure is at the hardness.
 STATE_BYTES = 12.125
 #: Memory of a pixel of a result [byte], which also contains the fluid pressure.
 RESULT_BYTES = 16.125
@@ -45,17 +45,18 @@ class FaceState:
     plastic : array of bytes
         One bit for each pixel, which is set if the contact pressure is at the hardness, see `numpy.packbits`.
     potential : array (n1, n2)
-        Pressure potential of the flow, from 1 at the inlet to 0 at the outlet. It is NaN in contact and in pockets.
+        Pressure potential of the flow, from 1 at the inlet to 0 at the outlet; NaN at contact points and in pockets
+        without a connection to inlet or outlet.
     row_pressure : array (n1,), Pa
         Mean contact pressure of each row of pixels.
     carried : float, Pa
-        Share of the nominal pressure that the fluid carries.
+        Part of the nominal pressure that the fluid carries.
     permeability : float, m³
         Permeability of the surface along x1, NaN if the flow solver failed.
     solvers : SolveCounts
         Number of linear systems that each solver solved.
     flow_failure : str
-        Reason why the flow solver failed, "" if it did not fail.
+        Reason why the flow solver failed; "" if the flow was solved.
     """
 
     gap: Singles
@@ -75,7 +76,7 @@ class FaceState:
 
     @classmethod
     def of(cls, state: LoadState, flow: FlowSettings) -> FaceState:
-        """Solve the flow through the gap of a load step, unless it was solved together with the contact."""
+        """Solve the flow through the gap of a load step, unless the flow was solved together with the contact."""
         contact = state.contact
         solution: Any  # a flow, or `Failed`
         if isinstance(contact, CoupledContact):
@@ -104,16 +105,16 @@ class FaceState:
 
 
 def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
-    """Compute the breadth of the contact band and the largest row pressure at every step.
+    """Compute the width of the contact band and the largest mean pressure of a row at every load step.
 
-    The contact band reaches from the first row in contact to the last one, both included.
+    The contact band extends from the first to the last row with contact, including these two rows.
 
     Parameters
     ----------
     row_pressure : array (steps, n1), Pa
         Mean contact pressure of each row.
     spacing : float, m
-        Distance of neighbouring rows.
+        Distance between neighbouring rows.
 
     Returns
     -------
@@ -133,30 +134,31 @@ def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
 
 @dataclass(frozen=True, repr=False)
 class FaceResult(Shown):
-    """Hold contact and flow of a whole surface on all of its pixels, and of its cells, at every load step.
+    """Hold contact and flow of a whole surface at every load step, on all pixels and for all cells.
 
     Parameters
     ----------
     gap, contact_pressure, fluid_pressure : array (steps, n1, n2), m and Pa
-        Fields on the pixels, in single precision. The fluid pressure is NaN in contact and in pockets.
+        Fields on the pixels, in single precision. The fluid pressure is NaN at contact points and in pockets without a
+        connection to inlet or outlet.
     leakage : array (steps,), m²/s
         Leakage per unit seal length, NaN where the flow solver failed.
     row_pressure : array (steps, n1), Pa
         Mean contact pressure of each row of pixels.
     cells : FaceCells, optional
-        Cells of the surface; None in the deterministic study, which has no cells.
+        Cells of the surface; None in a result of the deterministic study, which does not use cells.
     patches : PatchLeakage, optional
         Leakage of each measured patch; None if there is only one patch.
     states : tuple of FaceState
         Contact state of the surface at every step.
     residual : float
-        Largest residual of the contact solutions.
+        Largest residual with which the contact solver stopped.
     failures : tuple of str
-        Reasons for values that are NaN.
+        Reasons why values of the result are NaN.
     warnings : tuple of str
-        Results that are not plausible, one sentence each.
+        One sentence for each result that is not plausible.
     quick_estimate : QuickEstimate, optional
-        Leakage estimated from the spectrum of the surface. None for a surface for which this estimate is not valid.
+        Leakage estimated from the spectrum of the surface; None if the estimate is not valid for this surface.
     face_solvers : SolveCounts
         Number of linear systems that each solver solved for the flow through the whole surface.
     """
@@ -215,12 +217,12 @@ class FaceResult(Shown):
 
     @property
     def method(self) -> str:
-        """Name of the study: "two-scale" with cells, else "deterministic"."""
+        """Name of the study: "two-scale" if the result contains cells, otherwise "deterministic"."""
         return "deterministic" if self.cells is None else "two-scale"
 
     @property
     def without_cells(self) -> FaceResult:
-        """Result without cells, as the deterministic study would give it."""
+        """Copy of the result without the cells, equal to the result of the deterministic study."""
         if self.cells is None:
             return self
         failures = tuple(text for text in self.failures if text not in self.cells.failures)
@@ -228,17 +230,17 @@ class FaceResult(Shown):
 
     @property
     def k1(self) -> Array:
-        """Permeability of the cells along x1 (steps, m1, m2) [m³]; an InputError if there are no cells."""
+        """Permeability of the cells along x1 (steps, m1, m2) [m³]; raises InputError without cells."""
         return self._existing_cells.k1
 
     @property
     def k2(self) -> Array:
-        """Permeability of the cells along x2 (steps, m1, m2) [m³]; an InputError if there are no cells."""
+        """Permeability of the cells along x2 (steps, m1, m2) [m³]; raises InputError without cells."""
         return self._existing_cells.k2
 
     @property
     def _existing_cells(self) -> FaceCells:
-        """Cells of the surface; raises InputError in the deterministic study, which has none."""
+        """Cells of the surface; raises InputError for a result of the deterministic study."""
         if self.cells is None:
             raise InputError("cells", "a face that was not cut", "the result of `two_scale`")
         return self.cells
@@ -247,19 +249,19 @@ class FaceResult(Shown):
 def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
     """Solve contact and flow of the whole surface at full resolution, at every step of the load programme.
 
-    Large fields are kept on disk, so that memory is needed for one load step at a time, see `shared_empty`.
+    Large fields are stored on disk, so that only one load step at a time must fit into memory, see `shared_empty`.
 
     Parameters
     ----------
     scene : Scene
         The surface, its load and its fluid.
     mapper : callable
-        Computes a stage for many items, such as the builtin `map`. It may use several processes.
+        Function such as the builtin `map`, which computes a stage for many items, possibly in several processes.
 
     Raises
     ------
     InputError
-        A spiral lay does not suit the surface, see `Scene.check_spiral`.
+        The spiral lay is not possible on this surface, see `Scene.check_spiral`.
     NotConverged
         The contact solver failed. If the flow solver fails, the leakage is NaN and the reason is in `failures`.
 
@@ -276,7 +278,7 @@ def deterministic(scene: Scene, *, mapper: Mapper = map) -> FaceResult:
 
 
 def _checked(scene: Scene, face: FaceResult) -> FaceResult:
-    """Add the quick estimate and the plausibility warnings to a solution."""
+    """Add the quick estimate and the plausibility warnings to a result."""
     estimate = estimate_scene(scene)
     warnings = result_warnings(
         scene, face.leakage, face.mean_gap, estimate, plastic_depth=face.plastic_depth
@@ -303,7 +305,7 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
             give_back(values)
         fluid_pressure[s] = scene.pressure_at(state.potential)
         give_back(fluid_pressure)
-        # the state refers to the shared arrays, so that its own fields can be freed
+        # the stored state refers to the shared arrays, so that the memory of the fields in `state` can be freed
         states.append(replace(state, **{name: values[s] for name, values in fields.items()}))
     for values in (*fields.values(), fluid_pressure):
         values.flags.writeable = False
@@ -348,15 +350,16 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
 
 
 def state_memory(pixels: float) -> float:
-    """Estimate the memory that contact and flow of one step take [byte].
+    """Estimate the memory [byte] that is needed to solve contact and flow of a single load step.
 
-    More memory is needed if multigrid fails and the flow is solved by elimination instead.
+    The estimate holds for the multigrid solver. If multigrid fails, the flow is solved by elimination, which needs more
+    memory.
     """
     return pixels * (_SOLUTION_BYTES + (_KEPT_BYTES if pixels <= KEPT_POINTS else 0.0))
 
 
 def states_memory(pixels: int, steps: int) -> float:
-    """Estimate the memory of a result [byte] from its numbers of pixels and steps; it is 0 if the result is on disk."""
+    """Estimate the memory of a result [byte] from its numbers of pixels and load steps; 0 for a result on disk."""
     bytes_of_field = 4.0 * pixels * steps
     return 0.0 if lies_on_disk(bytes_of_field) else RESULT_BYTES * pixels * steps
 
@@ -371,13 +374,13 @@ def two_scale(scene: Scene, cells: Shape, *, mapper: Mapper = map) -> FaceResult
     cells : (int, int)
         Numbers of cells along x1 and x2.
     mapper : callable
-        Computes a stage for many items, such as the builtin `map`. It may use several processes.
+        Function such as the builtin `map`, which computes a stage for many items, possibly in several processes.
 
     Raises
     ------
     InputError
-        The numbers of cells do not suit the surface; or a spiral lay does not suit the surface, see
-        `Scene.check_spiral`.
+        The surface cannot be divided into these numbers of cells; or the spiral lay is not possible on this surface,
+        see `Scene.check_spiral`.
     NotConverged
         The contact solver failed. If the flow solver fails, the permeability is NaN and the reason is in `failures`.
 
@@ -404,7 +407,7 @@ def cut_into_cells(scene: Scene, cut: Cut, mapper: Mapper) -> FaceResult:
 
 
 def _solve_cells(state: FaceState, *, cut: Cut, flow: FlowSettings, blocks: Shape) -> CellState:
-    """Cut the fields of a state into cells, and solve the flow through each of them."""
+    """Cut the fields of a contact state into cells, and solve the flow through each cell."""
     gap, potential = state.gap.astype(float), state.potential.astype(float)
     plastic = np.unpackbits(state.plastic, count=gap.size).view(bool).reshape(gap.shape)
     dissipation = potential  # NaN everywhere if the flow failed

@@ -1,4 +1,4 @@
-"""Compute the leakage of another fluid through the same seals, such as the gas of a leak test."""
+"""Compute the leakage of a second fluid, such as the gas of a leak test, through the seals of a study."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from ..scene import FluidState, Scene
 
 @dataclass(frozen=True, eq=False)
 class OtherLeakage:
-    """Hold the leakage of another fluid through the same seals, as a volume at the reference density of that fluid.
+    """Hold the leakage of a second fluid through the seals of a study, as a volume rate at its reference density.
 
     Parameters
     ----------
     state : FluidState
-        The fluid and its pressures.
+        The second fluid and its pressures.
     leakage : array (steps,), m²/s
-        Leakage per unit seal length; the median if there are several realisations.
+        Leakage per unit seal length; the median leakage for a study with realisations.
     realisations : array (realisations, steps), m²/s, optional
-        Leakage of each realisation; None for studies that have no realisations.
+        Leakage of each realisation; None for a study without realisations.
     """
 
     state: FluidState
@@ -31,18 +31,19 @@ class OtherLeakage:
 
     @classmethod
     def of_study(cls, state: FluidState, study: Any, ratio: float = 1.0) -> OtherLeakage:
-        """Compute the leakage of the other fluid: multiply the leakages of a study by the ratio for the two fluids."""
+        """Multiply the leakages of a study by the ratio of the leakages of the two fluids."""
         if hasattr(study, "quantile"):
             return cls(state, ratio * study.quantile(0.5), ratio * study.leakage)
         return cls(state, ratio * study.leakage)
 
 
 def drop_ratio(state: FluidState, scene: Scene) -> float | None:
-    """Return the ratio of the leakage of another fluid to the leakage of the scene's fluid, None if it is unknown.
+    """Return the ratio of the leakage of another fluid to the leakage of the scene's fluid; None if unknown.
 
-    The ratio is known without a new solution if both fluids have the same flow law, this law does not depend on the
-    pressure, and the fluid pressure does not act on the surfaces. Then the conductance of the seal [m³] is the same for
-    both fluids, and their leakages are proportional to the drops of their pressure potentials.
+    The ratio is known if three conditions are met: the flow law is the same for both fluids, the flow law does not
+    depend on the pressure, and the fluid pressure does not act on the surfaces. Under these conditions, the conductance
+    of the seal [m³] is the same for both fluids. The leakages are then proportional to the differences of the pressure
+    potential between inlet and outlet.
     """
     if scene.acting_fluid is not None or state.in_scene(scene).acting_fluid is not None:
         return None
@@ -54,15 +55,16 @@ def drop_ratio(state: FluidState, scene: Scene) -> float | None:
 
 @dataclass(frozen=True)
 class LimitFactors:
-    """Hold the leakage of the service fluid divided by the leakage of a test gas, in the two limits of gas flow.
+    """Hold the ratios of the leakage of the service fluid to the leakage of a test gas, in the two limits of gas flow.
 
     Parameters
     ----------
     viscous : float
-        Ratio in viscous flow. If both fluids are gases, their leakages are compared as pressure × volume per time,
-        otherwise as volume per time at the reference density.
+        Ratio of the leakages in viscous flow. If both fluids are gases, the leakages are measured as pressure × volume
+        per time, otherwise as volume per time at the reference density.
     molecular : float
-        Ratio in free molecular flow. It is NaN unless both fluids are gases with a molar mass and a temperature.
+        Ratio of the leakages in free molecular flow; NaN unless both fluids are gases with a molar mass and a
+        temperature.
     """
 
     viscous: float
@@ -72,10 +74,12 @@ class LimitFactors:
 def limit_factors(test: FluidState, service: FluidState) -> LimitFactors:
     """Compute the ratio of the leakages of two fluids in viscous and in free molecular flow.
 
-    The flow of a gas, as pressure × volume per time, is proportional to (p1² − p2²)/η in viscous flow, and to
-    (p1 − p2) √(T/M) in molecular flow. If both gases have the same pressures and temperature, the ratios are therefore
-    η/η' and √(M/M'), with the test gas in the numerator. For a test with helium and nitrogen in service, they are 1.12
-    and 0.378.
+    The flow of a gas, as pressure × volume per time, is proportional to (p1² − p2²)/η in viscous flow, and to (p1 − p2)
+    √(T/M) in molecular flow. Here p1 and p2 are the inlet and outlet pressures, η the viscosity, T the temperature and
+    M the molar mass. If the test gas (η, M) and the service gas (η', M') have the same pressures and the same
+    temperature, the ratio of the leakages (service gas to test gas) is η/η' in viscous flow and √(M/M') in molecular
+    flow. For helium as the test gas and nitrogen as the service gas, the ratio is 1.12 in viscous flow and 0.378 in
+    molecular flow.
     """
 
     def molecular_flow(state: FluidState) -> float:

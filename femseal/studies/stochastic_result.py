@@ -1,4 +1,4 @@
-"""Hold the result of the stochastic study: the leakage of all realisations, and the fields of the median seal."""
+"""Hold the result of the stochastic study: leakage of all realisations, and fields of the median realisation."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .patch_state import PatchState
 
 @dataclass(frozen=True, repr=False)
 class MedianSeal(Shown):
-    """Hold the fields of the realisation whose leakage is nearest to the median, over the elements of the seal.
+    """Hold the fields, over the elements of the seal, of the realisation whose leakage is nearest to the median.
 
     Parameters
     ----------
@@ -41,19 +41,20 @@ class MedianSeal(Shown):
     outlines : array (elements, corners, 2), m
         Corners of the elements in the plane of the seal.
     permeability : array (steps, elements), m³
-        Permeability of each element, NaN at steps that failed.
+        Permeability of each element, NaN at load steps at which the flow solver failed.
     fluid_pressure : array (steps, elements), Pa
-        Fluid pressure, NaN at steps that failed and in pockets.
+        Fluid pressure; NaN in pockets without a connection to inlet or outlet, and at load steps at which the flow
+        solver failed.
     flux : array (steps, elements, 2), m²/s
-        Volume rate per width at the reference density of the fluid, as a vector in the plane of the seal.
+        Volume flow rate per unit width at the reference density of the fluid, as a vector in the plane of the seal.
     pressure : array (steps, elements), Pa
         Mean contact pressure of the tile to which each element belongs.
     form : array (elements,), m, optional
-        Height of the form of the seal. None for a seal without form; then `separation` and `nominal` are None as well.
+        Height of the form deviation of the seal; None for a seal without form deviation.
     separation : array (steps, elements), m, optional
-        Distance between the mean planes of the two faces.
+        Distance between the mean planes of the two faces; None for a seal without form deviation.
     nominal : array (steps, elements), Pa, optional
-        Nominal pressure of the tiles under the form of the seal.
+        Nominal pressure of the tiles due to the form deviation of the seal; None for a seal without form deviation.
     """
 
     realisation: int
@@ -92,13 +93,13 @@ class MedianSeal(Shown):
 
 
 def find_median_realisation(leakage: Array) -> int | None:
-    """Return the number of the realisation whose leakage is nearest to the median; None if there is none.
+    """Return the number of the realisation whose leakage is nearest to the median leakage; None if not defined.
 
-    The distance to the median is the mean of |ln(leakage/median)| over the load steps. Steps at which all realisations
-    failed, or at which the median is negligible, are ignored. There is no such realisation if none leaks, or if every
-    realisation failed at a step at which others were solved.
+    The distance of a realisation from the median is the mean of |ln(leakage/median leakage)| over the load steps. The
+    mean does not include load steps at which all realisations failed or the median leakage is negligible. The median
+    realisation is not defined if all realisations are sealed, or if each realisation failed at some of the other steps.
 
-    leakage : leakage of each realisation, array (realisations, steps).
+    leakage : leakage of each realisation at each load step (realisations, steps).
     """
     solved_steps = np.isfinite(leakage).any(axis=0)
     magnitude = np.abs(leakage[:, solved_steps])  # (realisation, step)
@@ -116,7 +117,7 @@ def find_median_realisation(leakage: Array) -> int | None:
 
 @dataclass(frozen=True, repr=False)
 class StochasticResult(Shown):
-    """Hold the realisations of a seal, whose tiles take random cells of a surface.
+    """Hold the leakage of all realisations of a seal, in which each tile takes a random cell of a surface.
 
     Parameters
     ----------
@@ -125,33 +126,34 @@ class StochasticResult(Shown):
     kind : str
         Kind of computation, which determines the calibration of the 95 % interval, see `patch_interval`.
     patch_state : PatchState, optional
-        Contact states of the patch, which determine the width of the interval. None if the result was not made by
-        `stochastic`.
+        Contact states of the patch, which determine the width of the 95 % interval; None for a result that was not
+        computed by `stochastic`.
     contact_fraction : array (steps,)
-        Fraction of the tiles in contact.
+        Contact area of all tiles divided by their total area.
     mean_gap : array (steps,), m, optional
-        Mean gap of the tiles. None if the result was not made by `stochastic`.
+        Mean gap of all tiles; None for a result that was not computed by `stochastic`.
     tiles : SealTiles
         Tiles of the seal.
     cells : FaceCells
         Cells of the surface, at the loads of the scene or at tabulated pressures.
     row_pressure : array (steps, rows), Pa, optional
-        Mean contact pressure of each row. None unless the cells stay in order or the seal has a form; then
-        `band_breadth` and `largest_row_pressure` are None as well.
+        Mean contact pressure of each row along the seal. The three quantities of rows are only computed for seals with
+        cells in order and for strips and rings with a form deviation; otherwise they are None.
     band_breadth : array (steps,), m, optional
-        Breadth of the band in contact.
+        Width of the contact band, from the first to the last row with contact.
     largest_row_pressure : array (steps,), Pa, optional
         Largest mean contact pressure of a row.
     patches : PatchLeakage, optional
-        Leakage of seals that are made of a single measured patch; None if there is only one patch.
+        Leakage of seals whose cells come from a single measured patch, for each patch; None if there is only one patch.
     median_seal : MedianSeal, optional
-        Fields of the realisation nearest to the median; None for very large seals, and if nothing leaks.
+        Fields of the realisation whose leakage is nearest to the median; None for very large seals and for sealed
+        seals.
     failures : tuple of str
-        Reasons for values that are NaN or left out.
+        One sentence for each failure of a solver. The affected values are NaN or omitted from averages.
     warnings : tuple of str
-        Results that are not plausible, one sentence each.
+        One sentence for each result that is not plausible.
     quick_estimate : QuickEstimate, optional
-        Leakage estimated from the spectrum of the surface. None for a surface for which this estimate is not valid.
+        Leakage estimated from the spectrum of the surface; None if the estimate is not valid for this surface.
     solvers : SolveCounts
         Number of linear systems that each solver solved, for cells and seals.
     """
@@ -209,36 +211,38 @@ class StochasticResult(Shown):
 
     @property
     def seal(self) -> ElementSeal:
-        """Elements of the seal, with the size of the whole seal even if only a part of its length was solved."""
+        """Elements of the seal, with the size of the whole seal even if only a part of the length was computed."""
         return replace(self.tiles.seal, size=self.tiles.size)
 
     def quantile(self, q: float) -> Array:
-        """Return the quantile q of the realisations that did not fail (steps,) [m²/s]; NaN where all failed.
+        """Return the quantile q of the leakage of all realisations that did not fail (steps,) [m²/s].
 
-        Between two neighbouring realisations, ln|leakage| is interpolated. The result is 0 if one of these two is
-        sealed, or if the signs of their leakages differ.
+        If the quantile lies between the leakages of two realisations, ln|leakage| is interpolated. If one of the two
+        realisations is sealed, or if the signs of the two leakages differ, the quantile is 0. The quantile is NaN at
+        load steps at which all realisations failed.
         """
         return at_every_step(self.leakage, partial(_quantile, q=q))
 
     @property
     def mean(self) -> Array:
-        """Mean leakage of the realisations that did not fail (steps,) [m²/s]; NaN where all failed."""
+        """Mean leakage of the realisations that did not fail (steps,) [m²/s]; NaN if all realisations failed."""
         return at_every_step(self.leakage, np.mean)
 
     @property
     def sealed_fraction(self) -> Array:
-        """Fraction of sealed realisations among those that did not fail (steps,); NaN where all failed."""
+        """Fraction of the solved realisations that are sealed (steps,); NaN if all realisations failed."""
         return at_every_step(self.leakage, lambda leakage: np.mean(leakage == 0))
 
     @property
     def realisation_spread(self) -> Array:
-        """Standard deviation of ln(leakage) between realisations (steps,); NaN where fewer than two leak."""
+        """Standard deviation of ln(leakage) of the leaking realisations (steps,); NaN for fewer than two of them."""
         return at_every_step(self.leakage, _log_deviation)
 
     def has_too_few_for(self, *quantiles: float) -> bool:
-        """Return whether there are too few realisations to estimate the quantiles.
+        """Return whether there are too few realisations to estimate the given quantiles of the leakage.
 
-        On average, at least one realisation must lie beyond each quantile: 20 realisations for 0.05 or 0.95.
+        The number of realisations must be at least 1/q, and at least 1/(1 − q), for each quantile q. For example, the
+        quantiles 0.05 and 0.95 require 20 realisations.
         """
         tails = [min(q, 1 - q) for q in quantiles if 0 < q < 1]
         needed = max((1 / tail for tail in tails), default=1)
@@ -248,17 +252,18 @@ class StochasticResult(Shown):
 def at_every_step(leakage: Array, statistic: Callable[[Array], Any]) -> Array:
     """Evaluate a statistic over the realisations at every load step (steps,).
 
-    At each step, realisations that failed there are left out. The result is NaN at steps at which all failed.
+    Realisations that failed at a load step do not enter the statistic at this step. The statistic is NaN at load steps
+    at which all realisations failed.
 
-    leakage : leakage of each realisation, array (realisations, steps).
-    statistic : function of the leakages at one step, such as `np.median`.
+    leakage : leakage of each realisation at each load step (realisations, steps).
+    statistic : function of the leakages at a single load step, such as `np.median`.
     """
     solved_at_steps = [at_step[np.isfinite(at_step)] for at_step in leakage.T]
     return np.array([statistic(solved) if solved.size else np.nan for solved in solved_at_steps])
 
 
 def _quantile(values: Array, q: float) -> float:
-    """Return the quantile q of values; the logarithms of the two neighbouring values are interpolated."""
+    """Return the quantile q of `values`, with logarithmic interpolation between neighbouring values."""
     low = float(np.quantile(values, q, method="lower"))
     high = float(np.quantile(values, q, method="higher"))
     if low == high:
@@ -271,7 +276,7 @@ def _quantile(values: Array, q: float) -> float:
 
 
 def _log_deviation(values: Array) -> float:
-    """Return the standard deviation of ln|value| over the values other than 0; NaN if there are fewer than two."""
+    """Return the standard deviation of ln|value| over all nonzero values; NaN for fewer than two nonzero values."""
     magnitudes = np.abs(values[values != 0])
     if magnitudes.size < 2:
         return np.nan

@@ -1,4 +1,4 @@
-"""Run the stochastic study: seals of any size and shape, whose tiles take random cells of a measured surface."""
+"""Run the stochastic study: compute the leakage of seals whose tiles take random cells of a measured surface."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from .sampling import (
 from .seal_contact import SealContact, remove_waves_of_forms, solve_seal_contact
 from .stochastic_result import MedianSeal, StochasticResult, at_every_step, find_median_realisation
 
-#: Desired standard error of ln(median leakage), as a fraction of the half-width of the interval of a single patch.
+#: Desired standard error of ln(median leakage), divided by the half-width of the 95 % interval for a single patch.
 MEDIAN_ERROR_FRACTION = 1 / 20
 #: Standard error of the median of n normally distributed numbers, in units of their standard deviation over √n.
 _MEDIAN_ERROR = 1.2533
-#: Largest number of values (elements times load steps) up to which the fields of the median realisation are kept.
+#: Largest number of values (elements times load steps) for which the fields of the median realisation are stored.
 MOST_VALUES = 4_000_000
 
 
@@ -46,37 +46,38 @@ def stochastic(
     *,
     mapper: Mapper = map,
 ) -> StochasticResult:
-    """Solve seals of any size and shape, whose tiles take random cells of a surface.
+    """Compute the leakage of seals of any size and shape, whose tiles take random cells of a surface.
 
-    The contact of the whole surface is solved, and the surface is then cut into cells. If the seal is as broad as the
-    surface and all tiles have the same pressure, the contact is solved at the load steps of the scene. Otherwise the
-    contact is solved at tabulated pressures, and the permeability of a cell is interpolated at the contact pressure of
-    its tile. This is the nominal pressure of the tile minus the pressure that the fluid carries. A correction factor
-    for each axis and contact state makes the cells in order leak as much as the whole surface.
+    The contact of the whole surface is solved, and the surface is then cut into cells. The cells stay in order if the
+    seal is as wide as the surface and all tiles have the same pressure. For cells in order, the contact is solved at
+    the load steps of the scene. For cells at random, the contact is solved at tabulated pressures, and the permeability
+    of a cell is interpolated at the contact pressure of its tile. The contact pressure of a tile is its nominal
+    pressure minus the pressure that the fluid carries. The permeabilities are multiplied by a correction factor for
+    each axis and contact state, so that the grid of cells in their original order leaks as much as the whole surface.
 
     Parameters
     ----------
     scene : Scene
         The surface, its load and its fluid.
     cells : (int, int) or None
-        Numbers of cells along x1 and x2. By default, there are four cells along the shorter side of the surface, or two
-        if the cells stay in order.
+        Numbers of cells along x1 and x2. By default, the shorter side of the surface is divided into four cells, or
+        into two cells if the cells stay in order.
     sampling : Sampling
-        Options of the seal and its realisations. If the number of realisations is not given, at least three are solved,
-        and more if needed, until the standard error of their median is a twentieth of the half-width of the interval
-        for a single patch.
+        Size of the seal, number of realisations and other options. Without a given number, realisations are added until
+        the standard error of the median leakage is a twentieth of the half-width of the 95 % interval for a single
+        patch. At least three realisations are solved.
     mapper : callable
-        Computes a stage for many items, such as the builtin `map`. It may use several processes.
+        Function such as the builtin `map`, which computes a stage for many items, possibly in several processes.
 
     Raises
     ------
     InputError
-        The cells are too small; a size of the seal is missing or given twice; a pressure map does not cover the seal;
-        or liquid is trapped although the cells do not stay in order.
+        The cells are too small; the length or width of the seal is missing or given twice; or the pressure map does not
+        cover the seal. The error is also raised if liquid is trapped and the cells do not stay in order.
     NotConverged
         A contact solver failed.
     FemsealError
-        The flow through every cell failed.
+        The flow solver failed for every cell.
 
     Examples
     --------
@@ -90,7 +91,7 @@ def stochastic(
     cut, tiles = cut_and_tiles(scene, cells, sampling)
     map_warnings = check_map(scene, tiles, sampling.pressure_map)
     scene = remove_waves_of_forms(scene, cut, sampling.form)
-    contact = None  # contact of a seal with a form
+    contact = None  # contact of the whole seal, for a seal with a form deviation
     if sampling.form:
         contact = solve_seal_contact(scene, tiles, sampling.form, mapper)
         supply = supply_cells(scene, cut, tiles, contact.pressure_fractions, mapper)
@@ -100,10 +101,12 @@ def stochastic(
         supply = supply_cells(scene, cut, tiles, fractions, mapper)
     face_cells = supply.cells
     if not np.isfinite(supply.k).any():
-        raise FemsealError(f"cells: every flow failed; the first: {face_cells.failures[0]}")
+        raise FemsealError(
+            f"cells: the flow solver failed for every cell; first failure: {face_cells.failures[0]}"
+        )
     unit_leakage = open_leakage_per_permeability(scene, tiles.seal)
     mean_gap = face_cells.mean_gap.mean(axis=(1, 2))  # of the surface in each contact state
-    # leakage of a uniform gap that is as high as the mean gap
+    # leakage of a uniform gap that is equal to the mean gap
     open_leakage = unit_leakage * supply.at_nominal(mean_gap) ** 3 / 12
     state = supply.patch_state(open_leakage)
     realisations = _solve_realisations(supply, sampling, state, mapper)
@@ -138,19 +141,19 @@ def stochastic(
 def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tuple[Cut, SealTiles]:
     """Cut the surface into cells, and cover the seal with tiles that are each as large as a cell.
 
-    Raises InputError for the reasons that `stochastic` lists.
+    Raises InputError in the cases listed in the docstring of `stochastic`.
     """
     cut, tiles = cut_and_cover(scene.surface, scene.layout, cells, sampling)
     if scene.traps_liquid and not tiles.in_order:
         given = "'trapped' with a seal that takes cells from anywhere on the face"
-        expected = "'acts' there, or a seal as broad as the face and pressed evenly"
+        expected = "'acts' with this seal, or a seal that is as wide as the face and pressed evenly"
         raise InputError("fluid_pressure", given, expected)
     return cut, tiles
 
 
 @dataclass(frozen=True, eq=False)
 class _Realisation:
-    """Hold the leakage of a realisation at every step (steps,) [m²/s]; it is NaN at steps that failed."""
+    """Hold the leakage of a realisation at every load step (steps,) [m²/s]; NaN where the flow solver failed."""
 
     leakage: Array
     failures: list[str]
@@ -160,7 +163,7 @@ class _Realisation:
 def _solve_realisations(
     supply: CellSupply, sampling: Sampling, state: PatchState, mapper: Mapper
 ) -> list[_Realisation]:
-    """Solve the given number of realisations. If no number is given, solve as many as `_count_needed` requires."""
+    """Solve the given number of realisations, by default the number that `_count_needed` returns."""
     stage = Stage("realisations", partial(_realise, supply=supply, seed=sampling.seed))
     kind = _kind(supply.tiles, sampling)
     count = sampling.realisations or FEWEST_SEALS
@@ -178,8 +181,9 @@ def _solve_realisations(
 def _kind(tiles: SealTiles, sampling: Sampling) -> str:
     """Return the kind of computation, see `patch_interval`.
 
-    A seal with a nominal form, such as a seat, does not belong to the kind "with form", because this form is known
-    exactly. Only forms that were measured at points have a finite shortest wave.
+    The kind "with form" is for seals whose form deviation was measured at points. A measured form deviation is
+    recognised by its finite shortest wavelength. A nominal form, such as a seat, is known exactly and has an infinite
+    shortest wavelength, so that such a seal has a different kind.
     """
     if any(isfinite(form.shortest_wave) for form in sampling.form):
         return "with form"
@@ -187,13 +191,14 @@ def _kind(tiles: SealTiles, sampling: Sampling) -> str:
 
 
 def _count_needed(leakage: Array, kind: str, state: PatchState) -> int:
-    """Return how many realisations are needed, so that the standard error of their median is small at every load step.
+    """Return the number of realisations for which the standard error of the median leakage is small enough.
 
-    The standard error of the median of n realisations is 1.2533 σ/√n, with the standard deviation σ of ln(leakage). It
-    may be at most `MEDIAN_ERROR_FRACTION` times the half-width of the 95 % interval for a single measured patch. Steps
-    at which this interval begins at 0 are ignored, because more realisations would not make it narrower there.
+    The standard error of the median of n realisations is 1.2533 σ/√n, where σ is the standard deviation of ln(leakage).
+    The largest allowed standard error is `MEDIAN_ERROR_FRACTION` times the half-width of the 95 % interval for a single
+    measured patch. Load steps at which the 95 % interval begins at 0 are ignored, because more realisations do not make
+    an interval narrower that begins at 0.
 
-    leakage : leakage of the realisations solved so far, array (realisations, steps), m²/s.
+    leakage : leakage of the realisations solved so far (realisations, steps) [m²/s].
     """
     median = at_every_step(leakage, np.median)
     lower, upper = interval_widths(kind).ends(median, state)
@@ -208,10 +213,11 @@ def _count_needed(leakage: Array, kind: str, state: PatchState) -> int:
 
 
 def _realise(realisation: int, *, supply: CellSupply, seed: int) -> _Realisation:
-    """Solve the flow through one realisation at every step at which the permeabilities are known.
+    """Solve the flow through one realisation at every load step at which the permeabilities are known.
 
-    If the cells stay in order, the leakage of the realisation is Q Q_t/Q_c, with the leakages Q of the whole surface,
-    Q_t of the tiles and Q_c of the grid of cells. The ratio Q_t/Q_c is limited to the range from 1/2 to 2.
+    For cells in order, the leakage Q_t of the tiles is corrected: the returned leakage is Q_t Q/Q_c, where Q is the
+    leakage of the whole surface and Q_c the leakage of the grid of cells. The ratio Q_t/Q_c is limited to the range
+    from 1/2 to 2.
     """
     cell_of_tile = supply.choose_cells(seed, realisation)
     steps = supply.scene.steps
@@ -243,9 +249,10 @@ def _solve_median_seal(
     contact: SealContact | None,
     mapper: Mapper,
 ) -> MedianSeal | None:
-    """Compute the fields of the realisation that is nearest to the median.
+    """Compute the fields of the realisation whose leakage is nearest to the median.
 
-    The result is None if the fields are not wanted or too large, or if there is no such realisation.
+    None is returned in three cases: the options exclude the fields, the fields are too large, or the median realisation
+    is not defined (see `find_median_realisation`).
     """
     value_count = len(supply.tiles.outlines) * len(supply.scene.steps)
     if not sampling.median_fields or value_count > MOST_VALUES:
@@ -273,7 +280,8 @@ def _fields_of_realisation(realisation: int, *, supply: CellSupply, seed: int) -
         if isinstance(flow, Failed):
             continue
         if flow.permeability is not None:
-            # if k depends on the fluid pressure, the solution contains k at the pressures of this solution
+            # if the permeability depends on the fluid pressure, `flow` contains the permeability at the solved fluid
+            # pressures
             permeability = flow.permeability
         k[s], fluid_pressure[s] = tiles.element_means(permeability, flow.fluid_pressure)
         potential = scene.fluid.potential(flow.fluid_pressure) / scene.fluid.reference_density
@@ -299,7 +307,7 @@ def _fields_of_realisation(realisation: int, *, supply: CellSupply, seed: int) -
 
 
 def _with_form(median_seal: MedianSeal, tiles: SealTiles, contact: SealContact) -> MedianSeal:
-    """Add the form of the seal and the contact under this form to the fields of the median realisation."""
+    """Add the form deviation of the seal, and the resulting contact, to the fields of the median realisation."""
     tile_of_element = tiles.tile[tiles.unrepeated_elements]
 
     def over_elements(values: Array) -> Array:
@@ -314,9 +322,9 @@ def _with_form(median_seal: MedianSeal, tiles: SealTiles, contact: SealContact) 
 
 
 def _row_fields(supply: CellSupply, contact: SealContact | None) -> dict[str, Any]:
-    """Return the fields of the rows of the seal, such as their mean contact pressure.
+    """Return the fields of the rows of the seal, such as the mean contact pressure of each row.
 
-    There are no such fields unless the seal has rows and either has a form, or is made of cells that stay in order.
+    The returned dictionary is empty for a mesh without rows, and for cells at random without a form deviation.
     """
     if contact is not None and contact.grid.has_rows:
         return fields_of_rows(contact.row_pressure, contact.grid.spacing[0])
@@ -333,7 +341,7 @@ def _result_warnings(
     contact: SealContact | None,
     row_fields: dict[str, Any],
 ) -> tuple[str, ...]:
-    """Check the plausibility of the median leakage and, if the seal has a form, of its contact pressure."""
+    """Check the plausibility of the median leakage and, for a seal with a form deviation, of the contact pressure."""
     scene = supply.scene
     median_leakage = at_every_step(leakage, np.median)
     warnings = result_warnings(scene, median_leakage, tile_gap, estimate)
@@ -343,7 +351,7 @@ def _result_warnings(
 
 
 def _failures(supply: CellSupply, realisations: list[_Realisation]) -> tuple[str, ...]:
-    """List the failures of cells and realisations, and the steps without a solution."""
+    """List the failures of cells and realisations, and the load steps without a solution."""
     failures = list(supply.cells.failures)
     for realisation in realisations:
         failures += realisation.failures
@@ -353,10 +361,10 @@ def _failures(supply: CellSupply, realisations: list[_Realisation]) -> tuple[str
 
 
 def _patch_leakage(supply: CellSupply, leakage: Array) -> PatchLeakage | None:
-    """Estimate the leakage of seals that are made of a single measured patch each; None if there is only one patch.
+    """Estimate the leakage of seals whose cells come from a single measured patch; None if there is only one patch.
 
-    The leakage is Q Q_p/Q_s, with the median leakage Q of the realisations, the leakage Q_p of the patch and the
-    leakage Q_s of the whole surface.
+    The estimated leakage is Q Q_p/Q_s, where Q is the median leakage of the realisations, Q_p the leakage of the patch
+    and Q_s the leakage of the whole surface with all patches.
     """
     cells = supply.cells
     if cells.patches is None:

@@ -1,7 +1,8 @@
 """Register the studies that a case can choose, with the functions that solve them and estimate their cost.
 
-The cost is estimated before a study starts. Times refer to one core of the machine on which the throughput was
-measured; docs/evidence/forecast.md says how accurate they are.
+The computing time and the memory of a study are estimated before the study starts. Estimated times refer to one core of
+the machine on which the throughput was measured. The accuracy of the estimates is documented in
+docs/evidence/forecast.md.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling
 from .stochastic_result import StochasticResult
 from .stochastic_study import cut_and_tiles, stochastic
 
-#: Time on one core for each pixel and load step [s]: of the contact, and of the flow through the gap. Both are fitted
-#: to the runs of docs/evidence/forecast.md.
+#: Time on one core for each pixel and load step [s]: first for the contact, then for the flow through the gap. The two
+#: times are fitted to the runs of docs/evidence/forecast.md.
 _CONTACT_SECONDS, _FLOW_SECONDS = 6e-7, 5e-7
 #: Time on one core [s] and memory [byte] of the flow over a seal, for each element.
 _ELEMENT_SECONDS, _ELEMENT_BYTES = 7e-6, 4e3
@@ -39,9 +40,9 @@ _RAREFIED_SOLUTIONS = 4.5
 TABULATED_STATES = 25.0
 #: Memory of a pixel of a surface that is split into blocks [byte], for the heights before and after the split.
 _SPLIT_BYTES = 16
-#: Largest error of ln(leakage), divided by the tolerance of the contact, for tolerances from 1e-3 to 1e-7. It is three
-#: times the largest error on six elastic and plastic surfaces, from the open state to a hundredth of its leakage, see
-#: docs/evidence/only_what_is_needed.md.
+#: Largest error of ln(leakage), divided by the tolerance of the contact, for tolerances from 1e-3 to 1e-7. The value is
+#: three times the largest error on six elastic and plastic surfaces, at loads from the open state to a hundredth of the
+#: open leakage, see docs/evidence/only_what_is_needed.md.
 TOLERANCE_ERROR = 1.9
 #: Fraction of the desired error of the leakage that the tolerance of the contact may cause.
 TOLERANCE_FRACTION = 0.1
@@ -49,16 +50,16 @@ TOLERANCE_FRACTION = 0.1
 
 @dataclass(frozen=True)
 class StudyOptions:
-    """Hold the options of all studies. Each study uses the options that it needs.
+    """Hold the options of all studies. A study ignores the options of other studies.
 
     Parameters
     ----------
     cells : (int, int), optional
         Numbers of cells of the surface along x1 and x2.
     sampling : Sampling, optional
-        Seals of the stochastic study.
+        Options of the stochastic study: size of the seal, realisations, and contact pressure over the seal.
     surface_is_solved : bool
-        Whether another study of the run has already solved contact and flow of the whole surface at its load steps.
+        Whether another study of the run has already solved contact and flow of the whole surface at the load steps.
     """
 
     cells: Shape | None = None
@@ -74,7 +75,7 @@ class StudyOptions:
 def _surface_seconds(scene: Scene, is_coupled: bool) -> float:
     """Return the expected time of contact and flow of the whole surface in one load step [s].
 
-    is_coupled : whether the fluid pressure acts on the surface in this study.
+    is_coupled : whether the study takes the action of the fluid pressure on the surface into account.
     """
     flows = _RAREFIED_SOLUTIONS if count_pressures(scene) > 1 else 1.0
     seconds = scene.surface.heights.size * (_CONTACT_SECONDS + flows * _FLOW_SECONDS)
@@ -101,7 +102,7 @@ def two_scale_cost(scene: Scene, options: StudyOptions) -> Pair:
 def blocks_cost(scene: Scene, options: StudyOptions) -> Pair:
     """Return the expected time on one core [s] and the memory [byte] of a study by blocks.
 
-    The contact of each block is solved twice: as a rough layer, and again for its cells.
+    The contact of each block is solved twice: first for the rough layer of the block, then for the cells of the block.
     """
     pixels = scene.surface.heights.size
     b1, b2 = options.blocks
@@ -114,7 +115,8 @@ def blocks_cost(scene: Scene, options: StudyOptions) -> Pair:
 def stochastic_cost(scene: Scene, options: StudyOptions) -> Pair:
     """Return the expected time on one core [s] and the memory [byte] of the stochastic study.
 
-    The time is the sum of two parts: the contact states with their cells, and the realisations.
+    The expected time is the sum of two parts: the time of all contact states with their cells, and the time of all
+    realisations.
     """
     assert options.sampling is not None
     cut, tiles = cut_and_tiles(scene, options.cells, options.sampling)
@@ -137,16 +139,18 @@ def stochastic_cost(scene: Scene, options: StudyOptions) -> Pair:
     seal_seconds = solutions_per_step * realisations * steps * elements * _ELEMENT_SECONDS
     memory = state_memory(pixels) + _ELEMENT_BYTES * elements
     if tiles.in_order:
-        # this study stores all contact states of the surface; so does the other study, if it has solved the surface
+        # the stochastic study stores all contact states of the surface; another study that has solved the surface
+        # stores them as well
         storing_studies = 2 if is_solved else 1
         memory += storing_studies * states_memory(pixels, steps)
     return state_count * state_seconds + seal_seconds, memory
 
 
 def usual_realisations(cells: Shape, tiles: SealTiles) -> int:
-    """Return the number of realisations that the 95 % interval usually needs.
+    """Return the number of realisations with which the median leakage is usually accurate enough.
 
-    If the seal is large compared with the surface, its leakage scatters less, so that fewer realisations are needed.
+    The leakage of a seal scatters less if the seal is larger compared with the surface. A large seal therefore needs
+    fewer realisations than a small seal.
 
     cells : numbers of cells of the surface along x1 and x2.
     """
@@ -156,27 +160,27 @@ def usual_realisations(cells: Shape, tiles: SealTiles) -> int:
 
 
 def uses_tabulated_pressures(scene: Scene, sampling: Sampling) -> bool:
-    """Return whether a stochastic seal needs cells at tabulated pressures, provided that they do not stay in order."""
+    """Return whether a seal with cells at random needs permeabilities at tabulated pressures."""
     return scene.acting_fluid is not None or not sampling.presses_evenly
 
 
 def count_pressures(scene: Scene) -> int:
-    """Return the number of fluid pressures at which permeabilities are needed.
+    """Return the number of fluid pressures at which the permeabilities of cells are needed.
 
-    It is 1 unless the flow law depends on the pressure.
+    If the flow law does not depend on the fluid pressure, one fluid pressure is sufficient.
     """
     return scene.flow.drop.pressures.size
 
 
 def contact_tolerance(accuracy: float) -> float:
-    """Return the largest tolerance of the contact solver that is still accurate enough for the leakage.
+    """Return the largest tolerance of the contact solver with which the leakage is accurate enough.
 
-    The error of the leakage due to this tolerance is at most a tenth of the error that the leakage may have.
+    The returned tolerance causes at most a tenth of the relative error that is allowed for the leakage.
 
     Parameters
     ----------
     accuracy : float
-        Relative error that the leakage may have, such as 0.1 for 10 %.
+        Allowed relative error of the leakage, such as 0.1 for 10 %.
 
     Raises
     ------
@@ -208,15 +212,15 @@ class Study:
     name : str
         Name in case files, messages and timings.
     label : str
-        Name of the leakage of this study in legends and tables.
+        Name of the leakage of the study in legends and tables.
     option_names : tuple of str
         Names of the attributes of `StudyOptions` that `solve` takes.
     solve : callable
-        `solve(scene, *options, mapper=mapper)` returns the result of the study.
+        Function that solves the study; `solve(scene, *options, mapper=mapper)` returns the result.
     cost : callable
-        `cost(scene, options)` returns the expected time on one core [s] and the memory [byte].
+        Function that estimates the cost; `cost(scene, options)` returns the time on one core [s] and the memory [byte].
     leakage : callable
-        `leakage(result)` returns the leakage that the study predicts (steps,) [m²/s].
+        Function that returns the predicted leakage (steps,) [m²/s] from the result of the study.
     """
 
     name: str
@@ -238,15 +242,15 @@ class Study:
 
 
 def study_of_result(result: StudyResult) -> Study:
-    """Return the study that made a result."""
+    """Return the study by which a result was computed."""
     return STUDIES[result.method]
 
 
 def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
-    """Return the fraction of the surface in contact at every step (steps,), NaN where it is unknown.
+    """Return the fraction of the surface in contact at every load step (steps,), NaN if the fraction is unknown.
 
-    study : result of a study.
-    steps : load steps at which the fraction is returned. For a stochastic result, they may be a part of its load steps.
+    study : result of a study. steps : load steps at which the contact fraction is returned. For a stochastic result,
+    any load steps of the result can be selected; for other results, `steps` must be all load steps.
     """
     if isinstance(study, StochasticResult):
         indices = [study.steps.index(step) for step in steps]
@@ -256,7 +260,7 @@ def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
 
 
 def mean_gap_of(study: StudyResult) -> Array:
-    """Return the mean gap of the result of a study at every step (steps,) [m], NaN where it is unknown."""
+    """Return the mean gap at every load step (steps,) [m] from the result of a study, NaN if the gap is unknown."""
     if study.mean_gap is None:
         return np.full(len(study.steps), np.nan)
     if isinstance(study, BlocksResult):
@@ -265,7 +269,7 @@ def mean_gap_of(study: StudyResult) -> Array:
 
 
 def open_leakage_of(study: object, scene: Scene) -> Array:
-    """Return the leakage of a uniform gap that is equal to the mean gap (steps,) [m²/s], NaN where it is unknown.
+    """Return the leakage of a uniform gap that is equal to the mean gap (steps,) [m²/s], NaN if unknown.
 
     study : result of a study.
     """
@@ -277,7 +281,7 @@ def open_leakage_of(study: object, scene: Scene) -> Array:
     return np.full(len(scene.steps), np.nan)
 
 
-#: All studies by name, in the order in which they are solved. Each may use the results of those before it. If a case
+#: All studies by name, in the order in which they are solved. A study may use the results of earlier studies. If a case
 #: has several studies, the leakage of the last one is the result of the run.
 STUDIES: dict[str, Study] = {
     study.name: study
