@@ -1,8 +1,8 @@
-"""Estimate errors of the model and its input by solving the scene with another hardness, fluid pressure or form.
+"""Estimate the errors due to an uncertain hardness, fluid pressure or form deviation, by changing the input.
 
-An uncertain quantity, such as the hardness, may be too large or too small. If it is increased and reduced by the same
-amount, the leakage does not change by the same factor. Therefore, the opposite change is solved as well if it matters
-for the 95 % interval.
+An uncertain quantity, such as the hardness, may be too large or too small. The leakage with an increased quantity does
+not show how the leakage would change with a reduced quantity. If the error matters for the 95 % interval, the input is
+therefore solved twice: with the increased and with the reduced quantity.
 """
 
 from __future__ import annotations
@@ -28,28 +28,29 @@ from .error_parts import (
     scale_of_changes,
 )
 
-#: The opposite change is solved if the half-width of this error source is above this fraction of the half-width of all
-#: others together. Below this fraction, the interval would only be 9 % longer if the opposite change were twice as
-#: large as assumed.
+#: The change in the opposite direction is solved if the half-width of the error source is above this fraction of the
+#: half-width of all other error sources together. Below this fraction, the interval would only be 9 % longer if the
+#: opposite change of ln(leakage) were twice as large as assumed.
 _MATTERS = 0.25
 
 
 @dataclass(frozen=True, eq=False)
 class ModelChange:
-    """Describe a change of the model or its input. The changed leakage shows how much an error of this kind matters.
+    """Describe a change of the model or its input, whose effect on the leakage shows how much an error matters.
 
     Parameters
     ----------
     name : str
         Name of the error source, one of `MODEL_PARTS`.
     scene : Scene
-        Scene with the change.
+        Input of the studies, with the change.
     note : str
         Sentence that says what was changed.
     forms : tuple of forms
-        Changed forms of the seal, see `Sampling`; empty for a seal without form.
+        Changed form deviations of the seal, see `Sampling`; empty for a nominally flat seal.
     opposite : ModelChange, optional
-        Change by the same amount in the opposite direction. None if the model can only be wrong in one direction.
+        Change of the quantity by the same amount in the opposite direction; None if the quantity can only be wrong in
+        one direction.
     """
 
     name: str
@@ -61,16 +62,16 @@ class ModelChange:
 
 @dataclass(frozen=True)
 class FormTolerance:
-    """Hold the relative errors of the heights of all forms.
+    """Hold the form deviations of a seal and the shape of its seat, with the relative errors of their heights.
 
     Parameters
     ----------
-    forms : tuple of forms
-        Forms of the seal, see `Sampling`.
+    forms : tuple of SealForm
+        Form deviations of the seal, see `Sampling`.
     tolerances : tuple of float
-        Relative error of the height of each form.
-    seat : optional
-        Nominal form that was added to the heights of the surface, which is then as broad as the seal.
+        Relative error of the height of each form deviation.
+    seat : Seat, optional
+        Nominal shape of the seat. The shape was added to the heights of the surface, which is as wide as the seal.
     tolerance : float
         Relative error of the height of the seat.
     """
@@ -81,7 +82,7 @@ class FormTolerance:
     tolerance: float = 0.0
 
     def on_seat(self, scene: Scene, sign: int, opposite: ModelChange | None) -> ModelChange:
-        """Make the seat of a scene deeper by its tolerance (sign 1), or shallower (sign −1)."""
+        """Make the change to a seat that is deeper (sign 1) or shallower (sign −1) by its tolerance."""
         assert self.seat is not None
         below = self.seat.row_depths(scene.surface.shape[0], scene.surface.spacing[0])
         changed = scene.surface.with_form(-sign * self.tolerance * below)
@@ -89,7 +90,7 @@ class FormTolerance:
         return ModelChange("form", replace(scene, surface=changed), note, opposite=opposite)
 
     def of_seal(self, scene: Scene, sign: int, opposite: ModelChange | None) -> ModelChange:
-        """Make the forms of the seal higher by their tolerances (sign 1), or lower (sign −1)."""
+        """Make the change to form deviations that are higher (sign 1) or lower (sign −1) by their tolerances."""
         forms = tuple(
             ScaledForm(form, 1 + sign * tolerance)
             for form, tolerance in zip(self.forms, self.tolerances, strict=True)
@@ -104,7 +105,7 @@ def model_changes(
     hardness: float = 0.1,
     form: FormTolerance | None = None,
 ) -> list[ModelChange]:
-    """List the changes of a scene that correspond to possible errors of its model and input.
+    """List the changes of the input that correspond to possible errors of the model and of the input.
 
     Parameters
     ----------
@@ -115,7 +116,7 @@ def model_changes(
     hardness : float
         Relative error of the hardness.
     form : FormTolerance, optional
-        Errors of the forms of the seal and of the seat.
+        Errors of the form deviations of the seal and of the shape of the seat.
     """
     changes = []
     if "hardness" in names and hardness > 0 and not scene.law.is_elastic:
@@ -146,18 +147,18 @@ def model_part(
     solution: CoarserSolution,
     opposite: CoarserSolution | None = None,
 ) -> ErrorPart:
-    """Estimate the error of an assumption of the model, from the leakage with a changed assumption.
+    """Estimate the error that an uncertain quantity causes, from the leakage with a changed quantity.
 
-    The interval reaches from ln(leakage) to its changed value, and also to its value with the opposite change.
+    The 95 % interval contains the leakage with the change and the leakage with the opposite change.
 
     Parameters
     ----------
-    change : change of the model.
+    change : change of the model or its input.
     steps : the load programme.
     leakage : array (steps,), m²/s.
-    solution : leakage of the changed scene, to be compared with the unchanged scene on the same grid.
-    opposite : leakage with the opposite change. Without it, ln(leakage) is assumed to change by the same amount in the
-        opposite direction.
+    solution : leakage with the change; its `reference` is the leakage without the change, solved on an equal grid.
+    opposite : leakage with the opposite change. If `opposite` is None, the opposite change of the quantity is assumed
+        to change ln(leakage) by the opposite amount.
     """
     note = change.note
     effect = _fill_unknown(steps, leakage, solution.change(leakage))  # change of ln(leakage)
@@ -195,12 +196,12 @@ def model_part(
 
 
 def opposite_matters(part: ErrorPart, others: ErrorBudget) -> bool:
-    """Return whether the opposite change should be solved, see `_MATTERS`.
+    """Return whether the leakage with the opposite change should be solved, see `_MATTERS`.
 
-    It is not solved if the error of this change is small compared with all other errors.
+    The leakage with the opposite change is not solved if the error source is small compared with all other errors.
 
-    part : error source, in which the opposite change is assumed but not solved.
-    others : error budget without this error source.
+    part : error source that was estimated from the change in one direction only.
+    others : error budget of all other error sources.
     """
     steps = counting_steps(others)
     alone = ErrorBudget(others.method, others.leakage, (part,))
@@ -212,7 +213,7 @@ def opposite_matters(part: ErrorPart, others: ErrorBudget) -> bool:
 def _fill_unknown(steps: LoadProgramme, leakage: Array, change: Array) -> Array:
     """Replace unknown and infinite changes of ln(leakage) (steps,) by estimates from the nearest known changes.
 
-    A change of −inf is not replaced, because it means that the changed scene is sealed.
+    A change of −inf is not replaced, because it means that the seal is sealed with the changed input.
     """
     slope = np.maximum(load_sensitivity(steps, leakage), LEAST_SLOPE)
     finite = np.isfinite(change)

@@ -1,13 +1,15 @@
 """Combine the error sources of a leakage into one 95 % interval.
 
-The module contains the contribution of each error source, the budget that combines them, and the comparison with a
-coarser solution of the same scene. The comparison with a coarser solution shows how much the pixel size and the removed
-waves matter.
+The class `ErrorPart` holds one error source, and the class `ErrorBudget` combines all error sources. The class
+`CoarserSolution` holds the leakage of a coarser solution, for example with larger pixels or without the shortest waves.
+The difference between a leakage and its coarser solution shows the error of the pixel size or of the removed waves.
 
-The change of ln(leakage) between two grids is not a smooth function of the load. Where contacts open and close, its
-sign is random. Near closing, a coarser grid shifts the load at which the seal closes, and the change is this shift
-times the slope of ln(leakage) over ln(load). Therefore, the size of the change at a load is estimated from the changes
-at this load and its neighbours, and from the typical shift of the load over the whole cycle.
+The change of ln(leakage) from one grid to a coarser grid is not a smooth function of the load. At loads at which
+contacts open and close, the sign of the change is random. Near the load at which the last leakage path closes, the
+coarser grid shifts the load at which the seal closes, and the change of ln(leakage) equals this shift of ln(load) times
+the slope |d ln(leakage)/d ln(load)|. For these two reasons, `scale_of_changes` estimates the typical size of the change
+at a load from two contributions: the changes at neighbouring loads, and the typical shift of the load over the whole
+cycle.
 
 Source: Celik, Ghia, Roache, Freitas, Coleman & Raad, J. Fluids Eng. 130, 2008, 078001.
 """
@@ -28,7 +30,8 @@ from ..loads import LoadProgramme, least_counted, load_sensitivity, neighbouring
 if TYPE_CHECKING:
     from ..studies import Scene
 
-#: Error sources of the model and its input, in the order in which they are shown. All others are numerical.
+#: Error sources of the model and its input, in the order in which they are shown. All other error sources are
+#: numerical.
 MODEL_PARTS = (
     "hardness",
     "plastic law",
@@ -50,23 +53,25 @@ LEAST_SLOPE = 0.3
 #: 1.9.
 ORDER = 2.0
 #: Ratio of the half-width of the interval to the typical change of ln(leakage) between a grid and one with half the
-#: points along each side, see `scale_of_changes`. Measured on 154 surfaces of six kinds, at loads that leak more than
-#: 1e-3 of the first one: with a ratio of 0.28 the interval contains the true leakage in 95 % of the cases, with 0.31 in
-#: 96.5 %, and with 0.43 in 98 % (97 % on other surfaces).
+#: points along each side, see `scale_of_changes`. The ratio was measured on 154 surfaces of six kinds, at loads at
+#: which the leakage exceeds 1e-3 of the leakage under the first load: with a ratio of 0.28 the interval contains the
+#: true leakage in 95 % of the cases, with 0.31 in 96.5 %, and with 0.43 in 98 % (97 % on other surfaces).
 PER_CHANGE = 0.43
 #: Factor by which the half-width is multiplied if only a few loads were solved on both grids; the keys are the numbers
-#: of these loads. Measured as above.
+#: of these loads. The factors were measured on the surfaces of `PER_CHANGE`.
 FEW_LOADS = {0: 3.0, 1: 3.0, 2: 1.45, 3: 1.15}
-#: Smallest shift of ln(load) that is assumed for any surface, and smallest slope |d ln(leakage)/d ln(load)| by which it
-#: is multiplied. Measured as above: with a third of the shift and a fifth of the slope, intervals of equal width
-#: contain the true leakage in 94.5 % of the cases instead of 97 %.
+#: Smallest shift of ln(load) that is assumed for any surface, and smallest slope |d ln(leakage)/d ln(load)| by which
+#: this shift is multiplied. Both values were measured on the surfaces of `PER_CHANGE`: with a third of the shift and a
+#: fifth of the slope, intervals of equal width contain the true leakage in 94.5 % of the cases instead of 97 %.
 _LEAST_SHIFT, _LEAST_SLOPE = 0.012, 1.5
-#: In nine of ten contact states, the slope is at most this multiple of `expected_sensitivity`.
+#: In nine of ten contact states, the slope |d ln(leakage)/d ln(load)| is at most this multiple of
+#: `expected_sensitivity`.
 STEEPEST = 2.0
-#: Pixels in the shortest wave of the surfaces on which these constants were measured.
+#: Pixels in the shortest wave of the surfaces on which `PER_CHANGE` and the constants below it were measured.
 USUAL_PIXELS = 8.0
 #: A seal is near closing if it leaks less than this fraction of the leakage through a uniform gap of the same mean
-#: height. Measured on 20 surfaces of ten kinds: they then leak about 1e-3 of their leakage under the lowest load.
+#: height. Measured on 20 surfaces of ten kinds, which leak at this limit about 1e-3 of their leakage under the lowest
+#: load.
 _CLOSING_LEAKAGE = 1e-2
 #: A step near closing may be sealed if the error of ln(leakage) is larger than this.
 _MAY_CLOSE = 1.5
@@ -79,8 +84,9 @@ class ErrorPart:
     Parameters
     ----------
     name : "solver", "pixels", "filter", "realisations", "patch", "patches", "blocks", or one of `MODEL_PARTS`.
-    lower, upper : ends of this interval, arrays (steps,), m²/s. A lower end of 0 means that the seal may be sealed. An
-        upper end of inf means that no upper bound is known. NaN means that this error is unknown.
+    lower, upper : lower and upper end of the 95 % interval of the leakage, arrays (steps,), m²/s. A lower end of 0
+        means that the seal may be sealed. An upper end of inf means that no upper bound is known. NaN means that the
+        error of the source is unknown.
     note : a sentence that says how the interval was estimated.
     """
 
@@ -98,13 +104,14 @@ class ErrorPart:
         Parameters
         ----------
         name : str
-            See the class.
+            Name of the error source, one of the names in `ErrorPart`.
         leakage : array (steps,), m²/s
-            Leakage. At steps at which the leakage is 0, both ends of the interval are 0.
+            Leakage. At steps at which the leakage is 0, the lower and the upper end of the interval are 0.
         below, above : array (steps,)
-            Distance of ln(leakage) to the lower and to the upper end. If `below` is inf, the seal may be sealed.
+            Distances from ln(leakage) to the lower and to the upper end of its interval. If `below` is inf, the seal
+            may be sealed.
         note : str
-            See the class.
+            Sentence that says how the interval was estimated.
         """
         q = np.asarray(leakage, dtype=float)
         with np.errstate(invalid="ignore", over="ignore"):
@@ -113,7 +120,10 @@ class ErrorPart:
         return cls(name, lower, upper, note)
 
     def widened(self, leakage: Array, factor: Array) -> ErrorPart:
-        """Multiply the distances from ln(leakage) to both ends by a factor (steps,), except at sealed steps."""
+        """Widen the interval by a factor for each step (steps,), except at sealed steps.
+
+        The factor multiplies the distances from ln(leakage) to the lower and to the upper end.
+        """
         q = np.asarray(leakage, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             lower, upper = (
@@ -124,7 +134,7 @@ class ErrorPart:
 
 @dataclass(frozen=True, repr=False)
 class ErrorBudget:
-    """Hold the error budget of the leakage that one study computed for one scene.
+    """Hold the error budget of the leakage that a study computed: its error sources and its 95 % interval.
 
     Parameters
     ----------
@@ -135,8 +145,9 @@ class ErrorBudget:
     parts : tuple of ErrorPart
         Error sources.
     steps : LoadProgramme, optional
-        Load steps. If they are given, the intervals are made consistent with each other, because a seal leaks no more
-        under a higher load, see `within_others`. By default the interval of each step stays as it is.
+        Load steps. A seal leaks no more under a higher load. If load steps are given, this rule makes the intervals of
+        the steps consistent with each other, see `within_others`. Without load steps, the interval of each step is not
+        changed.
     separated : tuple of int
         Indices of the steps at which the fluid carries the whole load, so that the faces are separated and the leakage
         is unknown.
@@ -154,7 +165,7 @@ class ErrorBudget:
 
     @property
     def numerical(self) -> ErrorBudget:
-        """Budget of the numerical errors alone, which a finer solution would reduce."""
+        """Error budget that contains only the numerical error sources, without the errors of the model."""
         return replace(
             self, parts=tuple(part for part in self.parts if part.name not in MODEL_PARTS)
         )
@@ -163,16 +174,18 @@ class ErrorBudget:
     def lower(self) -> Array:
         """Lower end of the 95 % interval (steps,) [m²/s].
 
-        It is 0 where the seal may be sealed, and NaN where an error source is unknown. Its distance from ln(leakage) is
-        √Σd², where d is the distance that each error source would cause alone.
+        The lower end is 0 where the seal may be sealed, and NaN where an error source is unknown. The distance from
+        ln(leakage) to the logarithm of the lower end is √Σd², where each error source contributes its own distance d.
         """
         return self._ends[0]
 
     @property
     def upper(self) -> Array:
-        """Upper end of the 95 % interval (steps,) [m²/s], combined from all error sources like the lower end.
+        """Upper end of the 95 % interval (steps,) [m²/s].
 
-        At a sealed step, which has no ln(leakage), it is the largest upper end of all error sources.
+        The distance from ln(leakage) to the logarithm of the upper end is √Σd², where each error source contributes its
+        own distance d. At a sealed step, ln(leakage) does not exist; there, the upper end of the budget is the largest
+        upper end of all error sources.
         """
         return self._ends[1]
 
@@ -191,22 +204,23 @@ class ErrorBudget:
     def half_width(self, step: int | None = None) -> Array | float:
         """Return the larger of the two distances from ln(leakage) to the ends of its interval.
 
-        The result is an array (steps,), or a number if a step is given. It is inf at a leaking step that may be sealed
-        (lower end 0), and at a sealed step that may leak (upper end above 0).
+        The half-width is an array (steps,), or a number if a step is given. A value of inf means that it is unknown
+        whether the seal leaks: the seal leaks at the step but the lower end is 0, or the seal is sealed at the step but
+        the upper end is above 0.
         """
         widths = _width(np.abs(self.leakage), self.lower, self.upper)
         return widths if step is None else float(widths[step])
 
     def widths(self) -> dict[str, Array]:
-        """Return the half-width of each error source, by its name, at every step (steps,); see `half_width`."""
+        """Return the half-width (steps,) of the interval of each error source, by the name of the source."""
         q = np.abs(self.leakage)
         return {part.name: _width(q, np.abs(part.lower), np.abs(part.upper)) for part in self.parts}
 
     def limiting(self, step: int | None = None) -> str:
         """Return the name of the error source with the widest interval, or "" if the budget has none.
 
-        The intervals are compared at the given step. By default, they are compared at all steps whose leakage is more
-        than 1e-3 of the leakage at the first step.
+        If a step is given, the intervals of the error sources are compared at this step. By default, the intervals are
+        compared at all steps whose leakage is more than 1e-3 of the leakage at the first step.
         """
         widths = self.widths()
         if not widths:
@@ -221,7 +235,10 @@ class ErrorBudget:
         return max(widths, key=lambda name: _largest(widths[name][is_compared]))
 
     def _distance(self, end: str) -> Array:
-        """Compute √Σd², with the distance d from ln(leakage) to an end ("lower" or "upper") for each error source."""
+        """Compute the distance from ln(leakage) to an end ("lower" or "upper") of the combined interval, (steps,).
+
+        The distance is √Σd², with the distance d from ln(leakage) to this end of the interval of each error source.
+        """
         total = np.zeros(np.shape(self.leakage))
         for part in self.parts:
             with np.errstate(divide="ignore", invalid="ignore"):
@@ -235,12 +252,12 @@ def within_others(
 ) -> tuple[Array, Array]:
     """Limit the interval of each load step by the intervals of the other steps.
 
-    A seal does not leak more under a higher load of the same branch. Under the same load, it does not leak more on
-    unloading than on loading. If the computed leakage does not follow these rules, for example because the pressure map
-    changes with the load, the intervals are returned unchanged. Unknown ends remain unknown, and each interval contains
-    its leakage.
+    Two rules are used. On loading, and on each unloading, the leakage does not rise with the load. Under equal loads,
+    the leakage on unloading is not larger than the leakage on loading. If the computed leakage breaks one of these
+    rules, for example because the pressure map changes with the load, the intervals are returned unchanged. Unknown
+    ends of intervals remain unknown, and each interval contains the leakage of its step.
 
-    Returns the lower and the upper ends (steps,).
+    Returns the lower and the upper ends of the intervals, arrays (steps,) [m²/s].
     """
     low, high = _bounds_by_other_steps(steps, lower, upper)
     # the same bounds from the leakages themselves show whether these follow the rules
@@ -254,21 +271,21 @@ def within_others(
 
 
 def near_closing(leakage: Array, open_leakage: Array) -> Flags:
-    """Return at which steps the surface is near closing (steps,).
+    """Return at which load steps the last leakage path is about to close, array (steps,).
 
-    Near closing, the surface leaks far less than a uniform gap of the same mean height, see `_CLOSING_LEAKAGE`.
+    At such a step, the surface leaks far less than a uniform gap of equal mean height, see `_CLOSING_LEAKAGE`.
 
-    open_leakage : leakage of this uniform gap (steps,) [m²/s]; NaN where it is unknown.
+    open_leakage : leakage of the uniform gap (steps,) [m²/s]; NaN where it is unknown.
     """
     with np.errstate(invalid="ignore"):
         return np.abs(leakage) < _CLOSING_LEAKAGE * np.abs(open_leakage)
 
 
 def _bounds_by_other_steps(steps: LoadProgramme, lower: Array, upper: Array) -> tuple[Array, Array]:
-    """Narrow the interval of each load step by means of the intervals of all other steps (steps,).
+    """Narrow the interval of each load step by means of the intervals of all other steps.
 
-    Some steps cannot leak more than the given step; its lower end is raised to the largest of their lower ends. Other
-    steps leak at least as much as the given step; its upper end is reduced to the smallest of their upper ends.
+    The lower end of a step s is raised to the largest lower end of the steps that cannot leak more than s. The upper
+    end of s is reduced to the smallest upper end of the steps that leak at least as much as s.
     """
     low = lower.copy()
     high = upper.copy()
@@ -298,7 +315,10 @@ def _bounds_by_other_steps(steps: LoadProgramme, lower: Array, upper: Array) -> 
 
 
 def _width(leakage: Array, lower: Array, upper: Array) -> Array:
-    """Compute the larger distance from ln(leakage) to an end of the interval; inf for a sealed step that may leak."""
+    """Compute the half-width (steps,), the larger distance from ln(leakage) to an end of its interval.
+
+    The half-width is inf at a sealed step that may leak (upper end above 0).
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         width = np.maximum(np.log(leakage / lower), np.log(upper / leakage))
     sealed = np.where(np.isnan(upper), np.nan, np.where(upper > 0, np.inf, 0.0))
@@ -307,18 +327,19 @@ def _width(leakage: Array, lower: Array, upper: Array) -> Array:
 
 @dataclass(frozen=True)
 class WidestInterval:
-    """Hold the widest interval of a budget over the load steps that matter, see `counting_steps`.
+    """Hold the widest 95 % interval of an error budget, among the load steps that `counting_steps` selects.
 
     Parameters
     ----------
     half_width : float
-        Half-width of ln(leakage), see `ErrorBudget.half_width`. It is inf if it is unknown or unbounded.
+        Half-width of the interval of ln(leakage), see `ErrorBudget.half_width`; inf if the half-width is unknown or
+        unbounded.
     step : int
         Index of the step with the widest interval.
     limit : str
-        Name of the error source with the largest value in `parts`.
+        Name of the error source with the widest interval.
     parts : dict
-        Largest half-width over these steps for each error source, by the name of the error source.
+        Half-width of each error source at its widest, among the selected load steps, by the name of the error source.
     """
 
     half_width: float
@@ -330,10 +351,10 @@ class WidestInterval:
 def counting_steps(budget: ErrorBudget) -> np.ndarray:
     """Return the indices of the load steps that decide whether an interval is narrow enough.
 
-    If the seal leaks at the first step, these are the steps whose leakage is unknown, or is more than 1e-3 of the
-    leakage at the first step. Sealed steps are left out, because the intervals of the steps before them already show
-    whether the seal may still be open. If the seal does not leak at the first step, all steps that leak or may leak are
-    returned. Steps at which the fluid carries the whole load are left out in any case.
+    If the seal leaks at the first step, the function selects the steps at which the leakage is unknown or exceeds 1e-3
+    of the leakage at the first step. Sealed steps are not selected, because the intervals of the last leaking steps
+    already show whether the seal may still be open. If the seal does not leak at the first step, all steps that leak or
+    may leak are selected. Steps at which the fluid carries the whole load are never selected.
     """
     q, upper = np.abs(budget.leakage), np.abs(budget.upper)
     least = np.nan_to_num(least_counted(q))
@@ -348,8 +369,8 @@ def counting_steps(budget: ErrorBudget) -> np.ndarray:
 def vague_steps(budget: ErrorBudget) -> Indices:
     """Return the indices of the leaking steps whose interval is too wide to be shown as numbers.
 
-    An interval is too wide if its upper end is more than `VAGUE` times the leakage. At the steps of `counting_steps`,
-    it is also too wide if the leakage is more than `VAGUE` times the lower end.
+    An interval is too wide if its upper end is more than `VAGUE` times the leakage. At the steps that `counting_steps`
+    selects, an interval is also too wide if the leakage is more than `VAGUE` times the lower end.
     """
     q = np.abs(budget.leakage)
     counts = np.zeros(len(budget.leakage), bool)
@@ -378,22 +399,22 @@ def widest_interval(budget: ErrorBudget) -> WidestInterval:
 
 
 def _largest(widths: Array) -> float:
-    """Return the largest half-width; it is inf if one of them is unknown."""
+    """Return the largest of several half-widths; inf if one of the half-widths is unknown."""
     return float(np.max(np.nan_to_num(widths, nan=inf, posinf=inf), initial=0.0))
 
 
 @dataclass(frozen=True)
 class CoarserSolution:
-    """Hold the leakage of a scene that was solved on fewer points, with fewer waves or with a changed model.
+    """Hold the leakage that was solved on fewer points, without the shortest waves or with a changed model.
 
     Parameters
     ----------
     points : (int, int)
         Number of points of the surface along x1 and x2.
     leakage : array (steps,), m²/s
-        Leakage at every step of the scene.
+        Leakage at every load step.
     reference : array (steps,), m²/s, optional
-        Leakage with which this solution is compared; by default the leakage of the error budget.
+        Leakage with which `leakage` is compared; by default the leakage of the error budget.
     rms_slope : float, optional
         Rms slope of the surface that was solved.
     """
@@ -404,9 +425,10 @@ class CoarserSolution:
     rms_slope: float | None = None
 
     def change(self, leakage: Array) -> Array:
-        """Compute the change ln(Q/Q_r) (steps,), with the leakage Q of this solution and a leakage Q_r for comparison.
+        """Compute the change ln(Q/Q_r) (steps,) from a leakage Q_r to the leakage Q of the coarser solution.
 
-        It is inf or −inf where only one of the two is sealed, 0 where both are sealed, and NaN where one is unknown.
+        The change is inf where only Q_r is 0, −inf where only Q is 0, and 0 where Q and Q_r are 0. The change is NaN
+        where Q or Q_r is unknown.
 
         leakage : leakage of the error budget (steps,) [m²/s], which is Q_r unless `reference` is given.
         """
@@ -419,11 +441,11 @@ class CoarserSolution:
 
 
 def expected_sensitivity(in_contact: Array) -> Array:
-    """Estimate the slope |d ln(leakage) / d ln(load)| from the contact fraction alone (steps,).
+    """Estimate the slope |d ln(leakage) / d ln(load)| (steps,) from the contact fraction alone.
 
-    The estimate is 0.5 + 9 A, with the contact fraction A. On 25 surfaces of five kinds at up to 16 loads each, the
-    median of the slope was 0.6 for contact fractions below 2 %, 1.0 at 5 %, 2.0 at 17 %, 4.0 at 32 % and 4.9 at 45 %.
-    In nine of ten contact states, the slope was at most about twice this median.
+    The slope is estimated as 0.5 + 9 A, with the contact fraction A. The slope was measured on 25 surfaces of five
+    kinds at up to 16 loads each. The median slope was 0.6 for contact fractions below 2 %, 1.0 at 5 %, 2.0 at 17 %, 4.0
+    at 32 % and 4.9 at 45 %. In nine of ten contact states, the slope was at most about twice the median slope.
     """
     return 0.5 + 9.0 * np.nan_to_num(np.asarray(in_contact, float))
 
@@ -431,9 +453,10 @@ def expected_sensitivity(in_contact: Array) -> Array:
 def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Array:
     """Estimate the slope |d ln(leakage) / d ln(load)| at every step (steps,).
 
-    It is the slope between neighbouring loads, but at least `expected_sensitivity`. For a load without neighbours, the
-    slope is only known to be at most `STEEPEST` times `expected_sensitivity` in nine of ten contact states. This upper
-    limit is used, so that the interval of such a load is not too narrow.
+    The slope is computed from the leakages under neighbouring loads, but is at least `expected_sensitivity`. If the
+    neighbouring loads give no slope, because they do not leak, the slope is estimated as `STEEPEST` times
+    `expected_sensitivity`. In nine of ten contact states, the true slope is not larger than this estimate, so that
+    intervals that are computed from the slope are wide enough.
 
     in_contact : contact fraction (steps,), NaN where it is unknown.
     """
@@ -444,19 +467,19 @@ def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Arra
 
 
 def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array:
-    """Estimate the typical size of the change of ln(leakage) between two grids at every step (steps,).
+    """Estimate how much ln(leakage) typically changes from one grid to a coarser grid, at every step (steps,).
 
-    The size is √(a² + b²). The first contribution, a, is the root mean square of the known changes at the two nearest
-    steps, the step itself included, or at more steps if they are equally near. The second contribution, b, is the
-    change that would result from a typical shift of the load. It is the slope at the step, multiplied by the mean shift
-    of ln(load) over the whole cycle.
+    The typical size of the change at a step is √(a² + b²). The term `a` is the root mean square of the known changes at
+    the two nearest steps, counting the step itself; if several steps are equally near, all of them are used. The term b
+    is the change that a typical shift of the load would cause: the slope at the step times the mean shift of ln(load)
+    over the whole cycle.
 
     Parameters
     ----------
     steps : LoadProgramme
         Load steps.
     change : array (steps,)
-        Change of ln(leakage).
+        Change of ln(leakage) from one grid to the coarser grid; NaN or ±inf where it is unknown.
     slope : array (steps,)
         Slope |d ln(leakage) / d ln(load)|, above 0.
     """
@@ -478,10 +501,10 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array
 
 
 def mean_shift(change: Array, slope: Array) -> float:
-    """Compute the mean shift of ln(load) that would cause changes of ln(leakage); 0 if there are no changes.
+    """Compute the mean shift of ln(load) that would explain given changes of ln(leakage); 0 if there are no changes.
 
     change : changes of ln(leakage) (n,).
-    slope : slope |d ln(leakage)/d ln(load)| at each of these changes (n,).
+    slope : slope |d ln(leakage)/d ln(load)| at the load of each change (n,).
     """
     return float(np.mean(np.abs(change / slope))) if change.size else 0.0
 
@@ -493,21 +516,23 @@ def sealed_upper(
     change: Array | None = None,
     coarse: CoarserSolution | None = None,
 ) -> Array:
-    """Estimate the upper end of the interval at the sealed steps (steps,) [m²/s]; it is 0 at all other steps.
+    """Estimate how much the seal may leak at load steps at which the computed leakage is 0.
 
-    An error of ln(leakage) has the same effect as a shift of ln(load), see `_load_shift`. If this shift may open the
-    seal at a sealed step, the step may leak as much as the nearest open step with a lower load, up to the upper end of
-    the interval there. If another solution of the same scene leaks at the sealed step, the upper end is at least its
-    leakage.
+    Returns the upper end of the 95 % interval at these sealed steps, and 0 at leaking steps, array (steps,) [m²/s].
+
+    An error of ln(leakage) has the effect of a shift of ln(load), see `_load_shift`. If the shift of the load may open
+    the seal at a sealed step, the step may leak as much as the nearest leaking step with a lower load, up to the upper
+    end of the interval of that leaking step. If a second solution with another grid or a changed model leaks at the
+    sealed step, the upper end is at least the leakage of the second solution.
 
     Parameters
     ----------
     steps : the load programme.
     q : leakage (steps,), m²/s.
-    distance : distance from ln(leakage) to the upper end at leaking steps (steps,).
-    change : change of ln(leakage) in the other solution (steps,), inf where only the other solution leaks; None if
-        there is no other solution.
-    coarse : the other solution; None if there is none.
+    distance : distance from ln(leakage) to the upper end of its interval at leaking steps (steps,).
+    change : change of ln(leakage) in the second solution (steps,), inf where only the second solution leaks; None if
+        there is no second solution.
+    coarse : the second solution; None if there is no second solution.
     """
     upper = np.zeros(q.size)
     change = np.zeros(q.size) if change is None else change
@@ -523,8 +548,8 @@ def sealed_upper(
         # steps of the same unloading
         leaks_no_less = loading | (~loading[s] & (peaks == peaks[s]))
         open_below = np.flatnonzero(leaks_no_less & is_open & (pressure <= pressure[s]))
-        # The seal may be open at s if the shifted load is not above the lowest load at which the seal is sealed. At
-        # higher loads it is sealed for certain.
+        # The seal may be open at s if the shifted load is not above the lowest load at which the seal is sealed. If the
+        # shifted load is higher, the seal is certainly sealed at s.
         lowest_sealed = pressure[leaks_no_less & (q == 0)].min()
         opens_in_other = np.isposinf(change[s])
         may_open = opens_in_other or pressure[s] * np.exp(-shift) <= lowest_sealed
@@ -539,15 +564,16 @@ def sealed_upper(
 
 
 def _load_shift(distance: Array, slope: Array, is_open: Flags) -> float:
-    """Return the largest shift of ln(load) at open steps that would change ln(leakage) by the given distances.
+    """Return the largest shift of ln(load) that explains the given distances of ln(leakage) at leaking steps.
 
-    At each step, the shift is the distance divided by the slope.
+    At each leaking step, the shift of ln(load) is the distance of ln(leakage) divided by the slope of ln(leakage) over
+    ln(load).
 
     Parameters
     ----------
-    distance : distance from ln(leakage) to the upper end (steps,).
-    slope : slope |d ln(leakage)/d ln(load)| (steps,), 0 where it is unknown. Steps with an unknown slope are ignored,
-        unless the slope is unknown at all open steps.
+    distance : distance from ln(leakage) to the upper end of its interval (steps,).
+    slope : slope |d ln(leakage)/d ln(load)| (steps,), 0 where it is unknown. Leaking steps with an unknown slope are
+        ignored, unless the slope is unknown at all leaking steps.
     is_open : whether the seal leaks (steps,).
     """
     is_used = is_open
@@ -568,17 +594,17 @@ def part_of_changes(
     change: Array | None = None,
     coarse: CoarserSolution | None = None,
 ) -> ErrorPart:
-    """Make an error source from the distances between ln(leakage) and both ends of its interval.
+    """Make an error source from distances of ln(leakage), and estimate its upper ends at sealed steps.
 
-    At sealed steps, the computed leakage is zero and has no logarithm. The upper end of their interval is estimated by
-    `sealed_upper`, which `ErrorPart.from_distances` does not do.
+    At leaking steps, the interval follows from the distances between ln(leakage) and both ends. At sealed steps, the
+    computed leakage is zero and has no logarithm, so that `sealed_upper` estimates the upper end of the interval.
 
     Parameters
     ----------
-    below, above : distances to the lower and the upper end, arrays (steps,).
-    change : change of ln(leakage) in another solution (steps,), if the error was estimated by comparing two solutions.
-        The error is unknown where the change is NaN.
-    coarse : the other solution; None if the error was estimated without another solution.
+    below, above : distances from ln(leakage) to the lower and to the upper end of its interval, arrays (steps,).
+    change : change of ln(leakage) from the study to a second solution (steps,), if the error was estimated with a
+        second solution. Where the change is NaN, the interval of the error source is unknown.
+    coarse : the second solution; None if the error was estimated without a second solution.
     """
     q = np.abs(np.asarray(leakage, float))
     part = ErrorPart.from_distances(name, leakage, below, above, note)
@@ -601,23 +627,22 @@ def pixels_part(
 ) -> ErrorPart:
     """Estimate the error of the pixel size from a solution on a coarser grid.
 
-    The half-width of the interval is P √(c² + s²), with a calibrated factor P, `PER_CHANGE`. The first contribution, c,
-    is the typical change of ln(leakage) between two grids, see `scale_of_changes`. It is scaled to a grid with half the
-    points along each side. The second contribution, s, is the change of ln(leakage) under a small shift of the load. It
-    is included because the change between two grids may be small by chance. The half-width is larger if few loads were
-    solved, see `FEW_LOADS`.
+    The half-width of the interval of ln(leakage) is P √(c² + s²). The factor P is `PER_CHANGE`, multiplied by
+    `FEW_LOADS` if few loads were solved. The term c is the typical change of ln(leakage) from a grid to a grid with
+    half the points along each side, see `scale_of_changes`. The term s is the change of ln(leakage) under a small shift
+    of the load. The term s keeps the interval from being too narrow if the change between the grids is small by chance.
 
-    If the seal is open on one grid and sealed on the other, it is not known whether it is really open. The lower end is
-    then 0. It is also 0 near closing, if the error is large.
+    The lower end of the interval is 0 in two cases, because the seal may then be sealed: the coarser grid does not
+    leak, or the last leakage path is about to close and the half-width is larger than `_MAY_CLOSE`.
 
     Parameters
     ----------
     scene : input of the study.
     leakage : array (steps,), m²/s.
     coarse : solution on the coarser grid.
-    wave_pixels : number of pixels in the shortest wave. If it is larger than `USUAL_PIXELS`, a smaller shift of the
-        load is assumed, in inverse proportion.
-    closing : whether the surface is near closing at each step (steps,), see `near_closing`.
+    wave_pixels : number of pixels in the shortest wave. With more than `USUAL_PIXELS` pixels, the assumed shift of the
+        load is smaller, in inverse proportion to the number of pixels.
+    closing : whether the last leakage path is about to close at each step (steps,), see `near_closing`.
     in_contact : contact fraction (steps,).
     """
     steps = scene.steps

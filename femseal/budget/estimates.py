@@ -1,7 +1,7 @@
-"""Estimate the error sources of the leakage of a study that make up its error budget.
+"""Estimate the errors that make up the error budget of a computed leakage.
 
-There are three groups of error sources: numerical errors, errors of a method that are known from a calibration set, and
-effects that the model neglects.
+There are three groups of errors: numerical errors, errors of a method that were measured on a calibration set of
+surfaces, and effects that the model neglects.
 """
 
 from __future__ import annotations
@@ -36,12 +36,13 @@ from .resolution import filter_part, one_grid_part, raised_by_slope
 
 #: The residual r of the contact solution changes ln(leakage) by _RESIDUAL r s, where s is |d ln(leakage)/d ln(load)|,
 #: or 1 if this slope is smaller. Measured on 24 surfaces at residuals of 1e-2 to 1e-6: a factor of 0.04 covers 95 of
-#: 100 changes, 0.5 all of them.
+#: 100 changes, and a factor of 0.5 covers all changes.
 _RESIDUAL = 0.5
 #: Change of ln(leakage) due to the residual of the flow solution; the relative error of its energy is 1e-6.
 _FLOW = 1e-6
 
-#: Smallest error of ln(leakage) for which "thin gap" is listed as an error source. It belongs to an rms slope of 0.14.
+#: Smallest error of ln(leakage) for which "thin gap" is listed as an error source. An rms slope of 0.14 causes this
+#: error.
 _LEAST_SLOPE_ERROR = 0.02
 
 #: Degrees of freedom that are assumed for the variance expected from the contact state, when it is averaged with the
@@ -65,7 +66,8 @@ _NEAR_CLOSING = 3.0
 def solver_part(scene: Scene, leakage: Array, in_contact: Array) -> ErrorPart:
     """Estimate the error of the contact and flow solvers from their residuals.
 
-    A residual of the contact solution has the same effect as a change of the load.
+    A residual of the contact solution changes the leakage as much as an error of the load would. The change of
+    ln(leakage) is proportional to the relative residual and to the slope |d ln(leakage)/d ln(load)|, see `_RESIDUAL`.
     """
     slope = sensitivity(scene.steps, leakage, in_contact)
     distance = _RESIDUAL * scene.rtol * np.maximum(slope, 1.0) + _FLOW
@@ -76,18 +78,20 @@ def solver_part(scene: Scene, leakage: Array, in_contact: Array) -> ErrorPart:
 def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     """Estimate how far the mean leakage of several measured patches may be from the leakage of the whole surface.
 
-    The variance of ln(leakage) is estimated in two ways. The first is the jackknife: each patch in turn is left out.
-    The second is the usual variance in this contact state, which is known from other surfaces. The two variances are
-    averaged, weighted by their degrees of freedom, and the interval is taken from Student's distribution.
+    The variance of ln(leakage) is the weighted mean of two estimates, with their degrees of freedom as weights. One
+    estimate is the jackknife over the measured patches: each patch is left out once. The other estimate is the usual
+    variance in this contact state, which was measured on other surfaces. The interval of ln(leakage) is taken from
+    Student's distribution.
 
-    If the seal would be sealed without one of the patches, the jackknife in ln(leakage) is not possible. Then the lower
-    end is 0, and the upper end is taken from a jackknife in the leakage itself.
+    If the seal would be sealed without one of its patches, ln(leakage) without this patch does not exist. In this case,
+    the lower end of the interval is 0, and the upper end is computed by a jackknife of the leakage instead of
+    ln(leakage).
 
     Parameters
     ----------
     leakage : array (steps,), m²/s.
-    without : leakage with one patch left out in turn, array (patches, steps), m²/s.
-    usual : error source with the usual interval in this contact state for the same number of patches, see
+    without : leakage that is computed without one of the patches, array (patch that is left out, steps), m²/s.
+    usual : error source with the interval that is expected from the contact state and the number of patches, see
         `calibrated_part`.
 
     Source: Efron & Tibshirani, An Introduction to the Bootstrap, 1993, chapter 11.
@@ -98,7 +102,7 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     q = np.abs(leakage)
 
     def half_width(values: Array, usual_half_width: Array) -> Array:
-        """Combine the jackknife variance of the values (patches, steps) with the usual variance."""
+        """Compute the half-width of Student's interval from values (patches, steps) and the usual half-width."""
         # The jackknife variance of a mean is (n − 1)/n Σ(v − v̄)² = (n − 1) var(v), where each value v leaves out one
         # of the n patches.
         jackknife_variance = (count - 1) * values.var(axis=0)
@@ -127,14 +131,16 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
 
 
 def patches_to_halve(count: int) -> int:
-    """Return how many more patches must be measured to halve the interval, from a count of three or more patches.
+    """Return how many more patches must be measured to halve the 95 % interval of the leakage.
+
+    count : number of measured patches, three or more.
 
     >>> patches_to_halve(3), patches_to_halve(4), patches_to_halve(8)
     (5, 8, 19)
     """
 
     def width(patches: int) -> float:
-        """Return the half-width of the interval, divided by the standard deviation between patches."""
+        """Return the half-width of the 95 % interval in units of the standard deviation between patches."""
         return float(stdtrit(_PATCH_FREEDOM + patches - 1, (1 + COVERAGE) / 2)) / sqrt(patches)
 
     more = 1
@@ -153,8 +159,9 @@ def realisations_part(study: StochasticResult) -> ErrorPart:
 def median_interval(values: Array) -> Pair:
     """Compute the 95 % confidence interval of the median of a population from a sample of values (n,).
 
-    The ends are two of the sorted values (order statistics), which is valid for any distribution. For fewer than 6
-    values there is no such interval, and a lognormal distribution is assumed.
+    The lower and the upper end are two of the sorted values (order statistics), which is valid for any distribution of
+    the values. With fewer than 6 values, order statistics do not give a 95 % interval, and a lognormal distribution is
+    assumed instead.
 
     >>> median_interval(np.arange(1.0, 11.0))
     (2.0, 9.0)
@@ -181,15 +188,15 @@ def median_interval(values: Array) -> Pair:
 
 
 def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
-    """Estimate the error of solving cells under their effective pressure instead of coupling contact and flow.
+    """Estimate the error of subtracting the fluid pressure from the load of a cell, without coupling contact and flow.
 
-    Only stochastic seals with cells at random have this error, and only if the fluid pressure acts on the surfaces. For
-    other studies, the result is None.
+    This error only exists for stochastic seals with cells at random, if the fluid pressure acts on the surfaces. The
+    result is None for all other studies.
 
-    The error is taken as a fraction of the effect of the fluid pressure on ln(leakage). This fraction was measured on
-    seven surfaces with a breadth of four long waves, under inlet pressures of 0.1 to 1 times the nominal pressure. The
-    computed leakage was too large by at most one half of the effect, or too small by at most one fifth of it. For
-    broader seals, the error is smaller.
+    The error of ln(leakage) is a fraction of the change of ln(leakage) that the fluid pressure causes. The fraction was
+    measured on seven surfaces whose width is four times their longest wavelength, under inlet pressures of 0.1 to 1
+    times the nominal pressure. The computed ln(leakage) was too large by at most one half of this change, or too small
+    by at most one fifth of this change. For seals with a larger width, the error is smaller.
     """
     fluid = scene.acting_fluid
     if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_order:
@@ -207,21 +214,21 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
 def patch_form_part(
     effect: FormEffect, steps: LoadProgramme, leakage: Array, *, rises: bool = False
 ) -> ErrorPart | None:
-    """Estimate the error of not knowing which part of a measured patch is form and which part is roughness.
+    """Estimate the error of not knowing whether the curvature of a patch is form deviation or roughness.
 
-    The curvature of the patch may be either of them, and the seal may have more curvature than the patch. The distance
-    to both ends of the interval is the change of ln(leakage) when the form is removed. On unloading, it is at least as
-    large as at the peak.
+    The curvature of the patch may belong to the form deviation or to the roughness, and the seal may be more curved
+    than the patch. The distance from ln(leakage) to either end of its interval is the change of ln(leakage) when the
+    curvature is removed. On unloading, the distance is at least as large as at the highest load before unloading.
 
-    In a test, quarters of eight maps were compared with the whole maps at 140 loads. Intervals of a factor of 2 around
-    the leakage of the quarter contained the leakage of the whole map in 49 % of the cases. If the change of ln(leakage)
-    was added at one end of these intervals, they contained it in 56 % of the cases, and in 61 % if it was added at both
-    ends.
+    In a test, the leakage of a quarter of a map was compared with the leakage of the whole map, for eight maps at 140
+    loads. An interval from half to twice the leakage of the quarter contained the leakage of the whole map in 49 % of
+    the cases. When the change of ln(leakage) was added at one end of the interval, this fraction was 56 %. When the
+    change was added at both ends, the fraction was 61 %.
 
-    rises : whether the seal is expected to have longer waves than the patch. If so, the effect of the longest waves of
-        the patch is included.
+    rises : whether the spectrum of the patch rises towards long waves, so that the seal probably has longer waves than
+        the patch. If True, the effect of the longest waves of the patch is included.
 
-    Returns None if the change is unknown.
+    Returns None if the change of ln(leakage) without the curvature is unknown.
     """
     distance = effect.distance(steps.pressures, rises)
     if distance is None:
@@ -235,11 +242,11 @@ def patch_form_part(
 def thin_gap_part(scene: Scene, leakage: Array) -> ErrorPart | None:
     """Estimate by how much Reynolds' equation overestimates the flow through a gap that is not thin.
 
-    The factor is at most 1 + h'², where h' is the rms slope. The next order of lubrication theory, between a plane and
-    a rough wall at the distance h, gives the permeability k by 1/(12 k) = ⟨(1 + 4h'²/5)/h³⟩ for flow across ridges, and
-    by 12 k = ⟨h³(1 − h'²)⟩ for flow along them.
+    Reynolds' equation overestimates the flow by a factor of at most 1 + h'², where h' is the rms slope. The factor
+    follows from the next order of lubrication theory for the gap h between a plane and a rough wall. The permeability k
+    is given by 1/(12 k) = ⟨(1 + 4h'²/5)/h³⟩ for flow across ridges, and by 12 k = ⟨h³(1 − h'²)⟩ for flow along ridges.
 
-    Returns None if the error of ln(leakage) is below `_LEAST_SLOPE_ERROR`.
+    The result is None if the error of ln(leakage) is below `_LEAST_SLOPE_ERROR`.
     """
     distance = np.full(np.shape(leakage), np.log1p(scene.surface.rms_slope**2))
     if distance[0] < _LEAST_SLOPE_ERROR:
@@ -253,14 +260,15 @@ def longer_waves_part(
 ) -> ErrorPart:
     """Estimate the error of leaving out the waves that are longer than the patch.
 
-    The waves of the real seal are regarded as one more sample of random waves. The interval is therefore Student's
-    prediction interval for one more sample, m ± t s √(1 + 1/n), with the mean m and the standard deviation s of n
-    samples.
+    The change of ln(leakage) was computed for n samples of random waves that are longer than the patch. The true long
+    waves of the seal are regarded as a further sample. The interval of ln(leakage) is Student's prediction interval for
+    a further sample, m ± t s √(1 + 1/n), with the mean m and the standard deviation s of the n changes and the quantile
+    t of Student's distribution.
 
     Parameters
     ----------
-    changes : changes of ln(leakage) that random longer waves cause, array (samples, steps).
-    flatness : whether a flatness tolerance limits these waves.
+    changes : changes of ln(leakage) due to random waves longer than the patch, array (samples, steps).
+    flatness : whether a flatness tolerance limits the heights of the long waves.
     steps : the load programme.
     leakage : array (steps,), m²/s.
     """
@@ -286,9 +294,10 @@ def longer_waves_part(
 def calibrated_part(
     name: str, kind: str, leakage: Array, state: PatchState, patches: int = 1
 ) -> ErrorPart:
-    """Estimate the error of a leakage that was computed from measured patches or by blocks.
+    """Estimate the error of a leakage that was computed from measured patches, or block by block.
 
-    The error is known from a calibration set, see `patch_interval`. It depends only on the contact state at the load.
+    The error was measured on a calibration set of whole surfaces, see `patch_interval`. The error at a load step
+    depends only on the contact state at this step.
 
     Parameters
     ----------
@@ -316,26 +325,29 @@ def error_budget(
     kept_slope: float = 1.0,
     wave_pixels: float = USUAL_PIXELS,
 ) -> ErrorBudget:
-    """Estimate the error of the leakage of a study, as an interval for each error source and one for all together.
+    """Estimate the error of the leakage of a study, with a 95 % interval for each error source and a combined interval.
 
     Parameters
     ----------
     scene : input of the study.
-    study : result of the study. For a stochastic study, the budget belongs to the median leakage.
-    coarse : solutions of the same scene on fewer points; only the first one is used. If there is none, the error of the
-        pixel size is left out. The upper end of a sealed step is then inf, unless its contact fraction is so large that
-        the step is sealed for certain.
-    filtered : solution of the scene without the waves that are shorter than twice its shortest wavelength.
-    kept_slope : rms slope of the surface, divided by its rms slope before waves were removed. It is 1 if no waves were
-        removed, for example for a generated surface; then the error of the filter is left out. If the seal may be open
-        at a sealed step because of the removed waves, and it is unknown how much it would leak, the upper end is inf.
-    wave_pixels : number of pixels in the shortest wave of the scene. With more than 8 pixels, the error of the pixel
-        size has a smaller lower limit.
+    study : result of the study. For a stochastic study, the error of the median leakage is estimated.
+    coarse : solutions of the same input on fewer points, of which only the first is used. If `coarse` is empty, the
+        error of the pixel size is left out, and the upper end of the interval at a sealed step is inf, unless the
+        contact fraction is so large that the step is certainly sealed.
+    filtered : solution without the shortest octave of waves, that is, without the waves shorter than twice the shortest
+        wavelength of the surface.
+    kept_slope : rms slope of the surface, divided by its rms slope before waves were removed. The ratio is 1 if no
+        waves were removed, for example for a generated surface; the error of the filter is then left out. The upper end
+        of the interval at a sealed step is inf if the removed waves may open the seal and the leakage of the open seal
+        is unknown.
+    wave_pixels : number of pixels in the shortest wave of the surface. With more than 8 pixels, a smaller error of the
+        pixel size is possible.
 
     Returns
     -------
-    The budget. Its interval contains the true leakage in about 95 of 100 cases. Each error source has a distance d from
-    ln(leakage) to an end of its interval; the combined distance is √Σd².
+    The error budget. The combined interval contains the true leakage in about 95 of 100 cases. The distance from
+    ln(leakage) to an end of the combined interval is √Σd², with the distance d from ln(leakage) to this end of the
+    interval of each error source.
 
     Examples
     --------
@@ -360,7 +372,8 @@ def error_budget(
 class NumericalErrors:
     """Estimate the numerical errors of one study, and the error of measuring only a patch of the surface.
 
-    Each method evaluates one error source, and returns an empty list if the study does not have this error.
+    Each method estimates the error of one error source, and returns an empty list if the error source does not apply to
+    the study.
     """
 
     def __init__(self, scene: Scene, study: StudyResult) -> None:
@@ -371,15 +384,15 @@ class NumericalErrors:
 
     @cached_property
     def closing(self) -> Flags:
-        """Steps at which the surface is near closing (steps,), see `near_closing`."""
+        """Flag for each step (steps,): True if the last leakage path is about to close, see `near_closing`."""
         return near_closing(self.leakage, open_leakage_of(self.study, self.scene))
 
     def _wider_near_closing(self, part: ErrorPart) -> ErrorPart:
-        """Widen the interval of an error source at steps near closing, where the leakage falls steeply."""
+        """Widen the interval of an error source at steps at which the last leakage path is about to close."""
         return part.widened(self.leakage, np.where(self.closing, _NEAR_CLOSING, 1.0))
 
     def solver(self) -> list[ErrorPart]:
-        """Estimate the error that the residuals of contact and flow cause."""
+        """Estimate the error due to the residuals of the contact and flow solvers."""
         part = solver_part(self.scene, self.leakage, self.in_contact)
         return [self._wider_near_closing(part)]
 
@@ -414,11 +427,11 @@ class NumericalErrors:
         return [raised_by_slope(part, steps, self.leakage, self.in_contact, kept_slope)]
 
     def realisations(self) -> list[ErrorPart]:
-        """Estimate the error that the finite number of realisations causes."""
+        """Estimate the error of the median leakage that is due to the finite number of realisations."""
         return [realisations_part(self.study)] if isinstance(self.study, StochasticResult) else []
 
     def patch(self) -> list[ErrorPart]:
-        """Estimate the error of computing the leakage from measured patches, or by blocks."""
+        """Estimate the error of computing the leakage from measured patches, or block by block."""
         study = self.study
         if not isinstance(study, BlocksResult | StochasticResult) or study.patch_state is None:
             return []
@@ -433,7 +446,7 @@ class NumericalErrors:
         return [part]
 
     def budget_of(self, parts: Sequence[ErrorPart]) -> ErrorBudget:
-        """Return the budget of the study with these error sources."""
+        """Return the error budget of the study with the given error sources."""
         separated = tuple(s for s, _ in self.scene.separated_steps if np.isnan(self.leakage[s]))
         name = study_of_result(self.study).name
         return ErrorBudget(name, self.leakage, tuple(parts), self.scene.steps, separated)

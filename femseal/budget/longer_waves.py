@@ -1,8 +1,9 @@
-"""Estimate how waves that are longer than the measured patch may change the leakage of a broader seal.
+"""Estimate how waves that are longer than the measured patch may change the leakage of a wider seal.
 
-If the spectrum of the patch still rises towards its longest waves, its power law is extrapolated to the breadth of the
-seal. Random forms with this spectrum are added to the seal, and its contact is solved with each of them. This gives the
-pressure of each tile. A tile is as large as the patch, and has the permeability of the patch at its own pressure.
+If the roughness spectrum of the patch still rises towards the longest measured waves, the power law of the spectrum is
+extrapolated to waves as long as the seal is wide. Random waves with the extrapolated spectrum are added to the shape of
+the seal, and the contact pressure of each tile of the seal is computed. A tile is as large as the patch, and has the
+permeability of the patch under the contact pressure of the tile.
 """
 
 from __future__ import annotations
@@ -26,9 +27,9 @@ from ..studies.rough_layer import RoughLayer, solve_layer_states
 from ..studies.seal_contact import solve_seal_contact
 from ..topography import Representative
 
-#: Number of random forms, and number of waves of each form.
+#: Number of random form deviations, and number of waves of each form deviation.
 DRAWS, _WAVES = 8, 200
-#: The seal has longer waves than the patch if the ratio of their sides is at least this.
+#: Longer waves are only added if the longest wave is at least this many times as long as the side of the patch.
 _BROADER = 1.25
 #: Smallest Hurst exponent with which a rising spectrum is extrapolated. The exponent is estimated from two octaves of
 #: one patch, with an error of ± 0.4.
@@ -37,7 +38,7 @@ _LEAST_HURST = 0.5
 
 @dataclass(frozen=True, eq=False)
 class DrawnForm:
-    """Describe a random form of a seal as a sum of waves with random directions and phases.
+    """Describe a random form deviation of a seal as a sum of waves with random directions and phases.
 
     Attributes
     ----------
@@ -46,9 +47,9 @@ class DrawnForm:
     phases : array (waves,), rad
         Phases of the waves.
     rms_height : float, m
-        Rms height of the form.
+        Rms height of the form deviation.
     flatness : float, m, optional
-        Upper limit of the distance from the lowest to the highest point. By default there is no limit.
+        Upper limit of the distance from the lowest to the highest point; None for no limit.
     """
 
     vectors: Array
@@ -58,14 +59,14 @@ class DrawnForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wave that both this form and the patch contain [m]; inf, because they have no waves in common."""
+        """Shortest wave that the form deviation has in common with the patch [m]; inf, because there is none."""
         return np.inf
 
     def heights(self, points: Array, frame: Frame) -> Array:
         """Compute the heights at points (n, 2) [m].
 
-        Each of the n waves has the amplitude √(2/n) times the rms height, so that the sum of the waves has this rms
-        height. The amplitude is reduced if the flatness would be exceeded.
+        Each of the n waves has the amplitude √(2/n) times the rms height, so that the sum of the waves has the rms
+        height `rms_height`. The amplitude of the waves is reduced if the form deviation would exceed the flatness.
         """
         z = np.cos(points @ self.vectors.T + self.phases).sum(axis=1)  # for an amplitude of 1
         amplitude = self.rms_height * (2 / len(self.phases)) ** 0.5
@@ -88,25 +89,27 @@ def longer_waves(
 ) -> Array | None:
     """Compute the changes of ln(leakage) that are caused by random waves longer than the measured patch.
 
-    The shortest of these waves is as long as the side of the patch. The longest is as long as the breadth of the seal
-    or, if a flatness is given, as the longer side of the seal. If the spectrum of the patch rises towards long waves,
-    it is extrapolated, and this gives the height of the waves. Otherwise, their height is given by the flatness.
+    The shortest random wave is as long as the side of the patch. The longest random wave is as long as the seal is wide
+    or, if a flatness is given, as the longer side of the seal. The heights of the random waves follow from the
+    extrapolated spectrum of the patch if the spectrum rises towards long waves, and from the flatness otherwise.
 
     Parameters
     ----------
-    scene : scene with the surface of the patch.
-    breadth, length : breadth and length of a straight seal [m]; None for other seals.
-    waves : longest waves of the patch.
+    scene : input of the studies, with the surface of the patch.
+    breadth, length : width (from inlet to outlet) and length of a straight seal [m]; None for other seals.
+    waves : spectrum of the longest waves of the patch.
     flatness : distance between the lowest and the highest point of the seal [m]; None if it is not known.
     seed : seed of the random waves.
-    forms : known forms of the seal. The random waves are shorter than the shortest wave of these forms.
-    mapper : computes a stage for many items.
+    forms : known form deviations of the seal. The random waves are shorter than the shortest wave of the known form
+        deviations.
+    mapper : function like the builtin `map` that computes a stage for many items.
 
     Returns
     -------
-    Array (random forms, steps). It is NaN where the seal without these waves is sealed, or where the contact with them
-    could not be solved. The result is None if the seal is hardly larger than the patch. It is also None if no flatness
-    is given and the spectrum does not rise, because the patch then contains the longest waves of the surface.
+    Changes of ln(leakage), array (random form deviations, steps). A change is NaN where the seal without random waves
+    is sealed, or where the contact with random waves could not be solved. The function returns None if the seal is
+    hardly wider than the patch. The function also returns None if no flatness is given and the spectrum of the patch
+    does not rise towards long waves, because the patch then contains the longest waves of the surface.
     """
     side = min(scene.surface.shortest_patch.size)
     if not waves.rises and flatness is None:
@@ -152,7 +155,7 @@ def _leakage(
     curves: CellCurves,
     forms: tuple[SealForm, ...],
 ) -> Array:
-    """Compute the leakage of a seal with forms at every step (steps,) [m²/s]; NaN where a solution failed."""
+    """Compute the leakage of a seal with form deviations at every step (steps,) [m²/s]; NaN where a solution failed."""
     steps = scene.steps
     nominal = steps.pressures[:, None]  # (step, 1)
     k = np.repeat(curves.k_on_paths(nominal, steps), tiles.count, axis=1)  # (step, tile)
@@ -172,17 +175,17 @@ def _leakage(
 def _gap_and_permeability(
     state: LoadState, *, flow: FlowSettings, spacing: Pair
 ) -> tuple[float, float]:
-    """Compute the mean gap of a contact state [m] and its permeability [m³], which is NaN if the flow failed."""
+    """Compute the mean gap [m] and the permeability [m³] of a contact state; NaN if the flow could not be solved."""
     solution = attempt(solve_surface_flow, state.contact.gap, spacing, flow)
     return float(state.contact.mean_gap), solution.permeability
 
 
 def _rms_between(waves: Representative, h: float, shortest: float, longest: float) -> float:
-    """Compute the rms height of the waves between two wavelengths [m].
+    """Compute the rms height [m] of the waves between the wavelengths `shortest` and `longest` [m].
 
-    The mean square height is (1/2π)∫q C(q) dq over the wave numbers q of these waves. The spectral density is the power
-    law C(q) = C₀ (q/q₀)^(−2 − 2h), with the Hurst exponent h. It has the density C₀ of the patch at the wave number q₀
-    of the longest octave of the patch.
+    The mean square height is (1/2π)∫q C(q) dq over the wave numbers q between 2π/longest and 2π/shortest. The spectral
+    density is the power law C(q) = C₀ (q/q₀)^(−2 − 2h), with the Hurst exponent h. The wave number q₀ is the wave
+    number of the longest octave of the patch, and C₀ is the spectral density of this octave.
     """
     q0 = 2 * pi / waves.octave
     lowest, highest = 2 * pi / longest, 2 * pi / shortest  # wave numbers
@@ -197,10 +200,11 @@ def _draw_form(
     rms: float,
     flatness: float | None,
 ) -> DrawnForm:
-    """Draw random waves between two wavelengths [m].
+    """Draw a form deviation that consists of random waves between two wavelengths [m].
 
-    The probability density of the wave numbers q is proportional to q C(q), and therefore to q^(−1 − 2H). The wave
-    numbers are drawn by inverting their cumulative distribution, which is a linear function of q^(−2H).
+    The probability density of a wave number q is proportional to q C(q), with the spectral density C(q), and therefore
+    to q^(−1 − 2H), with the Hurst exponent H. The wave numbers are drawn by inverting their cumulative distribution,
+    which is a linear function of q^(−2H).
     """
     # values of q^(−2H) at both ends of the range
     low, high = ((2 * pi / wavelength) ** (-2 * hurst) for wavelength in wavelengths)

@@ -1,9 +1,10 @@
 """Estimate the error of limiting the contact pressure by the hardness, in place of plastic flow below the surface.
 
 The contact law limits the pressure of each point to the hardness H. In a real metal, the material yields below the
-surface. On small surfaces, this law was compared with a solution that has von Mises plasticity with the yield stress
-σ_y, see `docs/evidence/plastic_law.md`. The two solutions leak equally if the law is used with a suitable ratio H/σ_y.
-This ratio depends on how plastic the contacts are, that is, on σ_y/(E* h′) with the rms slope h′.
+surface. On small surfaces, the leakage under the contact law was compared with the leakage of a solution with von Mises
+plasticity and the yield stress σ_y, see `docs/evidence/plastic_law.md`. The two leakages are equal if the contact law
+uses a suitable ratio H/σ_y. The suitable ratio H/σ_y depends on how plastic the contacts are, that is, on σ_y/(E* h′)
+with the contact modulus E* and the rms slope h′.
 """
 
 from __future__ import annotations
@@ -20,12 +21,13 @@ from .error_parts import ErrorPart, part_of_changes, sensitivity
 
 #: Values of 2.8 σ_y/(E* h′) at which the two solutions were compared.
 _SEVERITY = (0.1, 0.3, 0.6, 1.5)
-#: Ratio H/σ_y with which both leak equally, at these values: the ends of an interval that contains 95 % of the loads,
-#: surfaces and directions of the flow. Measured on 4, 8, 5 and 1 surfaces.
+#: Ratio H/σ_y with which the two solutions leak equally, at the values of `_SEVERITY`: lower and upper end of an
+#: interval that contains the ratio for 95 % of the loads, surfaces and directions of the flow. Measured on 4, 8, 5 and
+#: 1 surfaces.
 _LOWEST_RATIO = (2.6, 2.15, 1.9, 1.65)
 _HIGHEST_RATIO = (3.3, 2.8, 2.4, 2.0)
-#: Change of ln(load) that has the same effect as a unit change of ln(H), at these values. It is 1 for rigid, perfectly
-#: plastic bodies and 0 for elastic bodies.
+#: Change of ln(load) that has the same effect as a unit change of ln(H), at the values of `_SEVERITY`. The change would
+#: be 1 for rigid, perfectly plastic bodies and 0 for elastic bodies.
 _LOAD_PER_HARDNESS = (0.85, 0.65, 0.45, 0.25)
 #: Factor by which the slope of ln(leakage) is larger towards higher loads than between the solved loads, because the
 #: leakage falls ever faster.
@@ -37,7 +39,8 @@ _MAY_CLOSE = 1.5
 def equivalent_ratios(severity: float) -> tuple[float, float]:
     """Return the lowest and the highest H/σ_y for which the contact law leaks as much as von Mises plasticity.
 
-    severity : value of 2.8 σ_y/(E* h′). Outside the measured range, the results at the end of this range are returned.
+    severity : ratio 2.8 σ_y/(E* h′) of the hardness to the elastic contact pressure. Outside the range of `_SEVERITY`,
+        the ratios at the nearest end of `_SEVERITY` are returned.
     """
     log_severity = np.log(severity)
     lowest = float(np.interp(log_severity, np.log(_SEVERITY), _LOWEST_RATIO))
@@ -50,19 +53,20 @@ def plastic_law_part(
 ) -> ErrorPart | None:
     """Estimate the error of limiting the contact pressure by the hardness.
 
-    The hardness of the scene differs from the lowest and from the highest equivalent hardness. Either difference in
-    ln(H) has the effect of a shift of ln(load), see `_LOAD_PER_HARDNESS`. The error of ln(leakage) is this shift times
-    the slope |d ln(leakage)/d ln(load)|. On unloading, the error is at least as large as at the peak, because the
-    plastic deformation of the peak remains.
+    The contact law with the lowest or the highest equivalent hardness, see `equivalent_ratios`, leaks as much as a
+    solution with von Mises plasticity. The difference between ln(H) of the study and ln(H) of an equivalent hardness is
+    converted to a shift of ln(load), see `_LOAD_PER_HARDNESS`. The error of ln(leakage) is this shift of ln(load) times
+    the slope |d ln(leakage)/d ln(load)|. On unloading, the error is at least as large as at the highest load, because
+    the plastic deformation from the highest load remains.
 
     Parameters
     ----------
     scene : input of the study.
     study : result of the study.
     leakage : array (steps,), m²/s.
-    hardness_over_yield : ratio H/σ_y of the scene.
+    hardness_over_yield : ratio H/σ_y of the hardness in the study to the yield stress.
 
-    Returns None for an elastic surface.
+    Returns None if the contact is elastic.
     """
     law = scene.law
     if law.is_elastic:

@@ -3,11 +3,12 @@
 Waves are missing because a low-pass filter removed them, or because the instrument did not resolve them. If the
 spectrum is continued, the phases of the continued waves are arbitrary, and waves beyond the cut-off are still missing.
 
-The effect of the missing waves has an upper bound. With the missing waves, the surface would be steeper, and its gap
-would be about the same as the gap of the present, smoother surface under a lower load. By Persson's theory, the contact
-fraction is erf(c p/(E* h')), with the pressure p, the rms slope h' and a constant c. Let the present surface have κ
-times the rms slope of the complete surface. Then its contact fraction under the pressure κ p is equal to the contact
-fraction of the complete surface under p. A similar relation was found for the leakage, see `LOAD_POWER`.
+The effect of the missing waves on the leakage has an upper bound. If the missing waves were added, the surface would be
+steeper, and its gap would be about equal to the gap of the smoother surface under a lower load. By Persson's theory,
+the contact fraction is erf(c p/(E* h')), with the pressure p, the contact modulus E*, the rms slope h' and a constant
+c. Let κ be the rms slope of the smoother surface divided by the rms slope of the complete surface. By this formula, the
+smoother surface under the pressure κ p has the same contact fraction as the complete surface under the pressure p.
+Measurements on many surfaces gave a similar relation for the leakage, see `LOAD_POWER`.
 """
 
 from collections.abc import Sequence
@@ -33,13 +34,15 @@ from .error_parts import (
 #: mean square slope of the removed waves, divided by the mean square slope of the remaining waves. The estimate from
 #: the contact state is s = _BY_STATE r^_POWER |d ln(leakage)/d ln(load)|, with the slope of `expected_sensitivity`. The
 #: estimate from the octave, o, is the change of ln(leakage) when the shortest octave of the remaining waves is also
-#: removed. It is multiplied by (r/r_o)^_POWER, but at most by 1, where r_o is the same ratio for this octave.
-#: Measured on 90 files of three kinds, see docs/evidence/error_budget.md.
+#: removed, multiplied by (r/r_o)^_POWER, but at most by 1. Here r_o is the mean square slope of this octave, divided by
+#: the mean square slope of the remaining waves. Measured on 90 files of three kinds, see docs/evidence/error_budget.md.
 _POWER, _BY_STATE, _ERROR = 0.4, 0.4, 0.8
-#: The surface may be sealed if the estimate of the error from the contact state is larger than this. Of 1739 loads, 38
-#: were sealed by the removed waves. The estimate is above the limit at 30 of these, and at one in eleven of all loads.
+#: The surface may be sealed if the estimate s of the error of ln(leakage), see `_ERROR`, is larger than this limit. At
+#: 38 of 1739 loads, the removed waves sealed the surface. The estimate s is above the limit at 30 of these 38 loads,
+#: and at one in eleven of all loads.
 _MAY_CLOSE = 1.5
-#: Larger changes of ln(leakage) are reduced to this, because the surface may even be sealed without the octave.
+#: Largest change of ln(leakage) that is used. Larger changes are reduced to this value, because without the octave the
+#: surface may even be sealed.
 _MOST_CHANGE = float(np.log(VAGUE))
 #: The removed waves have the same effect as a load that is multiplied by κ**LOAD_POWER, where κ is the remaining
 #: fraction of the rms slope. Measured on 96 surfaces of four kinds, see docs/evidence/error_budget.md: with a power of
@@ -53,14 +56,15 @@ SEALED_CONTACT = 0.6
 
 
 def one_grid_part(leakage: Array, in_contact: Array) -> list[ErrorPart]:
-    """Estimate the error of the pixel size for a scene that was solved on one grid only.
+    """Estimate the error of the pixel size for a surface that was solved on a single grid.
 
-    For leaking steps, one grid gives no estimate, and the interval has no width. A step that is sealed on this grid may
-    really be open, unless its contact fraction is so large that it is sealed for certain. Its upper end is then inf.
+    At leaking steps, the error of the pixel size is unknown without a second grid, and the interval contains only the
+    leakage. At steps that are sealed on the grid, a finer grid may leak. The upper end of the interval at a sealed step
+    is therefore inf, unless the contact fraction is so large that the step is certainly sealed.
 
     in_contact : contact fraction at every step (steps,).
 
-    Returns an empty list if all sealed steps are sealed for certain.
+    Returns an empty list if all sealed steps are certainly sealed.
     """
     q = np.abs(np.asarray(leakage, float))
     may_open = (q == 0) & ~sealed_for_certain(in_contact)
@@ -80,16 +84,17 @@ def filter_part(
 ) -> ErrorPart:
     """Estimate the error that the filter causes, from the slope of the removed waves and a solution with fewer waves.
 
-    In the additional solution, the shortest octave of the remaining waves is removed as well. The error is computed
-    from the two estimates s and o, see `_ERROR`. It depends only on the contact state at the load; on unloading, it is
-    at least as large as at the peak. If most of the slope was removed, the removed waves may also seal the surface.
+    The solution with fewer waves lacks the shortest octave of the waves that the filter left. The error of ln(leakage)
+    is computed from two estimates, `s` from the contact state and `o` from the solution with fewer waves, see `_ERROR`.
+    On unloading, the error is at least as large as at the highest load before unloading. The lower end of the interval
+    is 0 if the estimate `s` is so large that the surface with the removed waves may be sealed.
 
     Parameters
     ----------
     scene : input of the study.
     leakage : array (steps,), m²/s.
     in_contact : contact fraction, array (steps,).
-    filtered : solution without the shortest octave of the remaining waves.
+    filtered : solution without the shortest octave of the waves that the filter left.
     slope_ratio : rms slope of the surface, divided by its rms slope before the waves were removed.
     name : name of the error source.
     """
@@ -125,22 +130,22 @@ def continuation_part(
     shorter: CoarserSolution,
     slope_ratio: float,
 ) -> ErrorPart:
-    """Estimate the error that is caused by continuing the spectrum.
+    """Estimate the error of extrapolating the spectrum to waves that were not measured.
 
-    There are two contributions a and b, which are combined as √(a² + b²). The first is the scatter between surfaces
-    whose continued waves have different random phases. The true surface is regarded as one more sample of them.
-    Therefore a is taken from Student's prediction interval for one further sample. The second contribution, b,
-    is the effect of waves beyond the cut-off, see `filter_part`.
+    The error is √(a² + b²). The contribution `a` is the scatter of ln(leakage) between surfaces whose extrapolated
+    waves have different random phases. The phases of the true surface are unknown. The true surface is regarded as a
+    further sample of such surfaces, and the contribution `a` is the half-width of Student's prediction interval for a
+    further sample. The contribution `b` is the effect of waves shorter than the cut-off wavelength, see `filter_part`.
 
     Parameters
     ----------
     scene : input of the study.
     leakage : array (steps,), m²/s.
     in_contact : contact fraction, array (steps,).
-    others : solutions with other phases.
-    shorter : solution without the shortest octave of waves.
-    slope_ratio : rms slope of the surface, divided by the rms slope that it would have if the relevant waves beyond the
-        cut-off were included.
+    others : solutions in which the extrapolated waves have other random phases.
+    shorter : solution without the shortest octave of the waves above the cut-off.
+    slope_ratio : rms slope of the surface, divided by the rms slope of the surface with the relevant waves shorter than
+        the cut-off.
     """
     steps = scene.steps
     n = len(others) + 1
@@ -176,17 +181,19 @@ def continuation_part(
 def raised_by_slope(
     part: ErrorPart, steps: LoadProgramme, leakage: Array, in_contact: Array, slope_ratio: float
 ) -> ErrorPart:
-    """Raise the upper ends of an interval to the upper bound that follows from the slope of the removed waves.
+    """Raise the upper ends of an interval to an upper bound that is computed from the slope of the removed waves.
 
-    With its removed waves, the surface would leak at most as much as the present surface does under a lower load, see
-    `under_less_load`. If the leakage under the lower load is unknown at a sealed step, its upper end is inf.
+    The surface with the removed waves would leak at most as much as the filtered surface under a lower load, see
+    `under_less_load`. If the leakage under the lower load is unknown at a sealed step, the upper end at the sealed step
+    is inf.
 
     Parameters
     ----------
-    part : error source with the interval.
+    part : error source whose interval is raised.
     steps : the load programme.
     leakage, in_contact : leakage [m²/s] and contact fraction at every step, arrays (steps,).
-    slope_ratio : rms slope of the surface, divided by its rms slope before waves were removed; 1 if none were removed.
+    slope_ratio : rms slope of the surface, divided by its rms slope before waves were removed; 1 if no waves were
+        removed.
     """
     bound = under_less_load(steps, np.abs(np.asarray(leakage, float)), in_contact, slope_ratio)
     is_raised = bound > part.upper  # False for an unknown end, which stays unknown
@@ -198,11 +205,11 @@ def raised_by_slope(
 
 
 def sealed_for_certain(in_contact: Array, slope_ratio: float = 1.0) -> Flags:
-    """Return at which steps the surface would certainly be sealed if its removed waves were added again (steps,).
+    """Return at which steps (steps,) the surface would certainly be sealed if the removed waves were still present.
 
-    Let A be the contact fraction of the present surface, and κ the slope ratio. By Persson's theory, the surface with
-    its removed waves has the contact fraction erf(κ erfinv(A)). It is certainly sealed if this is at least
-    `SEALED_CONTACT`. The result is False where the contact fraction is unknown.
+    Let A be the contact fraction of the filtered surface, and κ the slope ratio. By Persson's theory, the contact
+    fraction of the surface with the removed waves is erf(κ erfinv(A)). The surface is certainly sealed if this contact
+    fraction is at least `SEALED_CONTACT`. The result is False where the contact fraction A is unknown.
     """
     with np.errstate(invalid="ignore"):
         complete_contact = erf(slope_ratio * erfinv(np.clip(in_contact, 0.0, 1.0)))
@@ -210,13 +217,15 @@ def sealed_for_certain(in_contact: Array, slope_ratio: float = 1.0) -> Flags:
 
 
 def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_ratio: float) -> Array:
-    """Estimate the leakage that each step (steps,) would have if its load were multiplied by slope_ratio**LOAD_POWER.
+    """Estimate the leakage (steps,) at the load of each step, multiplied by the factor slope_ratio**LOAD_POWER.
 
-    The result is 0 where the surface is sealed under the reduced load as well.
+    The factor is at most 1. The leakage under the reduced load is 0 where the surface is sealed under both the load of
+    the step and the reduced load.
 
-    At a step on unloading, the reduced load is evaluated on the same unloading branch. The reduced load cycle would
-    also have a lower peak. The leakage is therefore multiplied by the factor by which the leakage at the peak
-    increases. It cannot be larger than the leakage on loading under the same reduced load.
+    At a step on unloading, the leakage under the reduced load is read from the same unloading branch. If all loads of
+    the cycle were reduced, the highest load before unloading would be lower as well. This effect is taken into account
+    by a factor: the ratio by which the leakage at the highest load increases. The leakage on unloading is limited to
+    the leakage on loading under the same reduced load.
 
     Parameters
     ----------
@@ -252,19 +261,20 @@ def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_rat
 def _on_branch(
     pressure: Array, q: Array, slope_ratio: float, loads: Array, in_contact: Array
 ) -> Array:
-    """Estimate the leakage on one branch of the load cycle, at loads that are multiplied by slope_ratio**LOAD_POWER.
+    """Interpolate the leakage on one branch of the load cycle at reduced loads.
 
-    ln(leakage) is interpolated linearly over ln(load), and extrapolated below the lowest load. If the seal leaks only
-    at one load, the extrapolation has a large slope: `STEEPEST` times `expected_sensitivity`.
+    The reduced loads are `loads`, multiplied by slope_ratio**LOAD_POWER. ln(leakage) is interpolated linearly over
+    ln(load), and extrapolated below the lowest load. If the seal leaks only at one load, ln(leakage) is extrapolated
+    with the steep slope `STEEPEST` times `expected_sensitivity`.
 
     Parameters
     ----------
     pressure, q, in_contact : load [Pa], leakage [m²/s] and contact fraction at the steps of the branch (n,).
     slope_ratio : rms slope of the surface, divided by its rms slope before waves were removed.
-    loads : loads before the multiplication (m,) [Pa].
+    loads : loads before the reduction (m,) [Pa].
 
-    Returns the leakage (m,) [m²/s]. It is 0 if the reduced load is at least the lowest load of a sealed step, and inf
-    if it is unknown.
+    Returns the leakage (m,) [m²/s]: 0 if the reduced load is at least the lowest load of a sealed step, and inf if the
+    leakage under the reduced load is unknown.
     """
     is_open = (q > 0) & (pressure > 0)
     order = np.argsort(pressure[is_open])

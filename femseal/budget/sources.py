@@ -1,8 +1,10 @@
-"""List the error sources of the leakage of a run. The run and its forecast iterate over the same list.
+"""List the error sources of the leakage of a run.
 
-Each error source has two functions. The first one lists the modified versions of the input that must be solved. The
-second one evaluates them for the result of one study. To add an error source, write both functions and enter them into
-`SOURCES`. If it belongs to the model or to its input, also enter its name into `MODEL_PARTS`.
+The list is `SOURCES`. A run evaluates its error sources, and the forecast of a run counts the solutions that they need.
+An error source consists of two functions. The function `versions` lists the modified versions of the input that must be
+solved. The function `parts` estimates the error of a study from the leakages of these versions. To add an error source,
+write the two functions and enter them into `SOURCES`. If the error source belongs to the model or to its input, also
+enter its name into `MODEL_PARTS`.
 """
 
 from __future__ import annotations
@@ -48,9 +50,9 @@ from .versions import (
 
 
 class ChangedInput(NamedTuple):
-    """Hold a change of the model, the version of the input with this change, and the version with the opposite change.
+    """Hold a change of the model, the input with this change, and the input with the opposite change.
 
-    The latter is None if there is no opposite change.
+    `opposite_version` is None if the model has no change in the opposite direction.
     """
 
     change: ModelChange
@@ -60,7 +62,7 @@ class ChangedInput(NamedTuple):
 
 @dataclass(frozen=True)
 class BudgetRequest:
-    """Hold the input of an error budget.
+    """Hold the input of a run and the options of its error budget.
 
     Parameters
     ----------
@@ -71,7 +73,7 @@ class BudgetRequest:
         Relative error of the hardness.
     hardness_over_yield : float
         Ratio of hardness to yield stress of the softer solid.
-    form_effect : effect of the form of a measured patch on the leakage; None if it was not solved.
+    form_effect : effect of the form deviation of a measured patch on the leakage; None if the effect was not computed.
     """
 
     version: Version
@@ -82,27 +84,27 @@ class BudgetRequest:
 
     @cached_property
     def coarser(self) -> Version | None:
-        """Version of the input with fewer points; None if the cells already have too few pixels to be halved."""
+        """Version of the input with fewer points; None if the cells have too few pixels for a coarser grid."""
         return coarser_grid(self.version)
 
     @cached_property
     def smoother(self) -> Version | None:
-        """Version of the input without its shortest octave of waves; None if no waves were removed from the surface."""
+        """Version of the input without the shortest octave of waves; None if no waves were removed from the surface."""
         return without_filtered_waves(self.version)
 
     @property
     def grid(self) -> Version:
-        """Unchanged version of the input, on the same grid on which changes of the model are solved."""
+        """Unchanged input on the grid on which changes of the model are solved."""
         return self.coarser or self.version
 
     @cached_property
     def continued(self) -> list[Version]:
-        """Versions of the input that show the error of continuing the spectrum, see `continued_versions`."""
+        """Versions of the input that show the error of extrapolating the spectrum, see `continued_versions`."""
         return continued_versions(self.grid)
 
     @cached_property
     def changes(self) -> list[ChangedInput]:
-        """Changes of the model, with the changed versions of the input."""
+        """Each change of the model, with the version of the input that has this change."""
         grid = self.grid
         changes = []
         for change in model_changes(grid.scene, self.model_parts, self.hardness, grid.form):
@@ -123,15 +125,15 @@ class Evaluation:
         self._solved: dict[int, tuple[Version, dict[str, VersionLeakage]]] = {}
 
     def solve(self, version: Version) -> dict[str, VersionLeakage]:
-        """Return the leakage of the studies of a version, by the key of the study."""
+        """Return the leakage that each study computes for a version of the input, by the key of the study."""
         if id(version) not in self._solved:
             self._solved[id(version)] = version, solved_version(version, self.mapper)
         return self._solved[id(version)][1]
 
     def on_grid(self, version: Version, result: Any) -> CoarserSolution | None:
-        """Compare the leakage of a changed version with the leakage of the unchanged input on the same grid.
+        """Compare the leakages of a changed and of the unchanged version of the input, on equal grids.
 
-        The result is None if solving one of the two versions failed.
+        The result is None if the study failed for the changed or for the unchanged version.
         """
         key = solved_study(study_of_result(result)).key
         unchanged = self.solve(self.request.grid).get(key)
@@ -141,7 +143,8 @@ class Evaluation:
         return CoarserSolution(version.scene.surface.shape, changed.leakage, unchanged.leakage)
 
 
-#: Function that evaluates an error source for the result of a study. The budget contains the error sources before it.
+#: Function that estimates the error of one error source for the result of a study. The `ErrorBudget` contains the error
+#: sources that come before it in `SOURCES`.
 Parts = Callable[[Evaluation, Any, ErrorBudget], Sequence[ErrorPart | None]]
 
 
@@ -154,12 +157,12 @@ class ErrorSource:
     name : str
         Name of the row in the budget.
     versions : callable
-        Lists all versions of the input that may have to be solved for this error source.
+        Function that lists all versions of the input that may have to be solved for the error source.
     parts : callable
-        Evaluates the error source, see `Parts`.
+        Function that estimates the error, see `Parts`.
     of_model : bool
-        True for an error of the model or of its input, which is evaluated only if its name is requested. False for
-        numerical errors, which are always evaluated.
+        True for an error source of the model or of its input, which is evaluated only if its name is requested. False
+        for a numerical error source, which is always evaluated.
     """
 
     name: str
@@ -168,27 +171,27 @@ class ErrorSource:
     of_model: bool = True
 
     def is_wanted(self, request: BudgetRequest) -> bool:
-        """Return whether the requested budget is to contain this error source."""
+        """Return whether the error source belongs to the requested error budget."""
         return not self.of_model or self.name in request.model_parts
 
 
 def _no_versions(request: BudgetRequest) -> list[Version | None]:
-    """Return an empty list, because nothing is solved for this error source."""
+    """Return an empty list, for an error source that needs no further solution."""
     return []
 
 
 def _errors_of(evaluation: Evaluation, result: Any) -> NumericalErrors:
-    """Return the estimates of the numerical errors of the result of a study."""
+    """Return the object that estimates the numerical errors of a study from its result."""
     return NumericalErrors(evaluation.request.version.scene, result)
 
 
 def _solver(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
-    """Evaluate the error due to the residuals of the contact and flow solvers."""
+    """Estimate the error due to the residuals of the contact and flow solvers."""
     return _errors_of(evaluation, result).solver()
 
 
 def _pixels(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
-    """Evaluate the error of the pixel size, by comparison with a coarser grid."""
+    """Estimate the error of the pixel size, by comparison with a coarser grid."""
     request = evaluation.request
     solved = {} if request.coarser is None else evaluation.solve(request.coarser)
     coarse = compare_leakage(result, request.grid, solved)
@@ -198,7 +201,7 @@ def _pixels(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequenc
 
 
 def _filter(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
-    """Evaluate the error of the filter, by comparison with a surface with even fewer waves."""
+    """Estimate the error of the low-pass filter, by removing a further octave of the shortest waves."""
     smoother = evaluation.request.smoother
     filtered = None
     if smoother is not None:
@@ -207,31 +210,31 @@ def _filter(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequenc
 
 
 def _realisations(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
-    """Evaluate the error due to the finite number of realisations."""
+    """Estimate the error of the median leakage that is due to the finite number of realisations."""
     return _errors_of(evaluation, result).realisations()
 
 
 def _patch(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
-    """Evaluate the error of computing the leakage from measured patches, or by blocks."""
+    """Estimate the error of computing the leakage from measured patches, or block by block."""
     return _errors_of(evaluation, result).patch()
 
 
 def _effective_pressure(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Evaluate the error of solving cells under their effective pressure."""
+    """Estimate the error of subtracting the fluid pressure from the load of a cell."""
     return [effective_pressure_part(evaluation.request.version.scene, result)]
 
 
 def _thin_gap(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> list[ErrorPart | None]:
-    """Evaluate the error of Reynolds' equation in a gap that is not thin."""
+    """Estimate the error of Reynolds' equation in a gap that is not thin."""
     return [thin_gap_part(evaluation.request.version.scene, leakage_of(result))]
 
 
 def _plastic_law(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Evaluate the error of limiting the contact pressure by the hardness."""
+    """Estimate the error of the contact law, which limits the contact pressure to the hardness."""
     request = evaluation.request
     ratio = request.hardness_over_yield
     return [plastic_law_part(request.version.scene, result, leakage_of(result), ratio)]
@@ -240,7 +243,7 @@ def _plastic_law(
 def _form_of_the_patch(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Evaluate the error of not knowing which part of a measured patch is form."""
+    """Estimate the error of not knowing whether the curvature of a patch is form deviation or roughness."""
     version = evaluation.request.version
     effect = evaluation.request.form_effect
     if effect is None:
@@ -253,7 +256,7 @@ def _form_of_the_patch(
 def _longer_waves(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Evaluate the error of leaving out waves longer than the measured patch, which only stochastic seals have."""
+    """Estimate the error of leaving out waves longer than the measured patch, for stochastic seals only."""
     version = evaluation.request.version
     if not isinstance(result, StochasticResult):
         return []
@@ -267,7 +270,7 @@ def _longer_waves(
 def _continuation(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Evaluate the error of continuing the spectrum. It is unknown if solving one of the versions failed."""
+    """Estimate the error of extrapolating the spectrum; unknown if one of the versions could not be solved."""
     version, grid = evaluation.request.version, evaluation.request.grid
     continuation = version.continuation
     unchanged = evaluation.solve(grid).get(solved_study(study_of_result(result)).key)
@@ -293,10 +296,11 @@ def _continuation(
 
 
 def _slope_ratio_beyond(surface: Surface, continuation: Continuation, scene: Scene) -> float:
-    """Compute the ratio of the rms slope of a surface to its rms slope with the missing short waves.
+    """Compute the ratio of the rms slope of a surface to the rms slope of the surface with its missing short waves.
 
-    The missing waves are those below the cut-off wavelength of the surface. They are considered down to the shortest
-    wave that is relevant for the contact, but over one octave at least and one decade at most.
+    The missing waves are shorter than the cut-off wavelength of the surface. The shortest missing wave that counts is
+    the shortest wave that is relevant for the contact, but at least one tenth and at most one half of the cut-off
+    wavelength.
     """
     cut_off = continuation.cut_off
     last_wave = continuation.shortest_relevant_wave(scene.law.mean_hardness, scene.surface_modulus)
@@ -306,7 +310,7 @@ def _slope_ratio_beyond(surface: Surface, continuation: Continuation, scene: Sce
 
 
 def _changed_versions(request: BudgetRequest, name: str) -> list[Version | None]:
-    """List the versions of the input in which the model is changed for the error source with this name."""
+    """List the versions of the input with a changed model that an error source needs."""
     versions: list[Version | None] = []
     for changed in request.changes:
         if changed.change.name == name:
@@ -317,9 +321,9 @@ def _changed_versions(request: BudgetRequest, name: str) -> list[Version | None]
 def _changed_model(
     evaluation: Evaluation, result: Any, budget: ErrorBudget, name: str
 ) -> list[ErrorPart | None]:
-    """Evaluate the error source with this name by changing the model.
+    """Estimate the error of the error source `name` by solving the input with a changed model.
 
-    The opposite change is only solved if it matters, see `opposite_matters`.
+    The input with the opposite change is only solved if the error source matters, see `opposite_matters`.
     """
     parts: list[ErrorPart | None] = []
     leakage = leakage_of(result)
@@ -339,14 +343,14 @@ def _changed_model(
 
 
 def _source_of_changes(name: str) -> ErrorSource:
-    """Make the error source with this name, which is evaluated by changing the model, see `model_changes`."""
+    """Make the error source `name`, whose error is estimated with a changed model, see `model_changes`."""
     return ErrorSource(
         name, partial(_changed_versions, name=name), partial(_changed_model, name=name)
     )
 
 
-#: All sources of error, in the order in which they are evaluated and shown. The row of the source "patch" is called
-#: "patches" for three or more patches, and "blocks" for a surface by blocks.
+#: All sources of error, in the order in which they are evaluated and shown. The row of the error source "patch" is
+#: called "patches" for three or more patches, and "blocks" for a surface that is solved block by block.
 SOURCES = (
     ErrorSource("solver", _no_versions, _solver, of_model=False),
     ErrorSource("pixels", lambda request: [request.coarser], _pixels, of_model=False),
@@ -382,11 +386,11 @@ def budgets_of(
 
     Parameters
     ----------
-    request : input of the run, and the requested error sources.
+    request : input of the run and the options of its error budget.
     studies : results of the studies, by the key of the study.
-    mapper : computes the items of a stage.
-    known : budgets that already contain the numerical errors, by the key of the study. These errors are not estimated
-        again.
+    mapper : function like the builtin `map` that computes the items of a stage, for example in several processes.
+    known : error budgets that already contain the numerical errors, by the key of the study. Numerical errors are not
+        estimated again for these studies.
 
     Returns the error budget of each study, by the key of the study.
     """

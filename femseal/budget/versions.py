@@ -1,6 +1,6 @@
-"""Make the modified versions of the input of a run that its error budget needs.
+"""Make the modified versions of the input of a run that are solved for its error budget.
 
-The modified versions have fewer points or fewer waves, or one assumption of the model is changed.
+A modified version has fewer points, lacks the shortest waves, or changes one assumption of the model.
 """
 
 from __future__ import annotations
@@ -22,16 +22,15 @@ from .error_parts import CoarserSolution
 
 #: Ratio of the numbers of points along each side of the coarser grid and of the original one.
 COARSENING = 0.5
-#: A coarser grid with more than this fraction of the points is too similar to the original one for a comparison.
+#: A coarser grid with more than this fraction of the points of the original grid is too similar for a comparison.
 MOST_POINTS_FRACTION = 0.6
 #: Largest number of realisations that are solved again for a version.
 _MOST_REALISATIONS = 5
-#: No more realisations are solved again if all of them together have this many times as many tiles as the surface has
-#: cells.
+#: Realisations are solved again until their tiles are this many times as numerous as the cells of the surface.
 _SURFACES = 40
-#: Removed waves only matter if they have at least this fraction of the rms slope.
+#: Removed waves are taken into account if they reduced the rms slope by at least this fraction.
 LEAST_REMOVED = 1e-4
-#: Number of versions in which the continued waves have other random phases.
+#: Number of versions in which the extrapolated waves have other random phases.
 OTHER_PHASES = 3
 log = logging.getLogger("femseal")
 
@@ -41,7 +40,7 @@ class Version(Protocol):
 
     @property
     def scene(self) -> Scene:
-        """Scene of the studies."""
+        """Surface, materials, fluid and loads of the studies."""
         ...
 
     @property
@@ -56,12 +55,12 @@ class Version(Protocol):
 
     @property
     def continuation(self) -> Continuation | None:
-        """Continuation of the spectrum of the surface; None if it is not continued."""
+        """Extrapolation of the spectrum beyond the cut-off wavelength; None if the spectrum is not extrapolated."""
         ...
 
     @property
     def form(self) -> FormTolerance | None:
-        """Tolerances of the form of the seal and of the seat."""
+        """Tolerances of the form deviations of the seal and of the shape of the seat."""
         ...
 
     @property
@@ -81,12 +80,12 @@ class Version(Protocol):
 
     @property
     def solved_studies(self) -> list[Study]:
-        """Studies of the run that must be solved."""
+        """Studies that must be solved for this version, see `solved_study`."""
         ...
 
     @property
     def least_points(self) -> Shape:
-        """Smallest possible number of points along x1 and x2."""
+        """Smallest permitted number of points along x1 and x2."""
         ...
 
     @property
@@ -96,7 +95,7 @@ class Version(Protocol):
 
     @property
     def cut_and_tiles(self) -> tuple[Any, Any]:
-        """Division of the surface into cells, and tiles of the seal."""
+        """Division of the surface into cells, and division of the seal into tiles."""
         ...
 
     def replaced(self, **changes: Any) -> Any:
@@ -112,14 +111,15 @@ class Version(Protocol):
         ...
 
     def longer_waves(self, surface: Surface, mapper: Mapper) -> Array | None:
-        """Compute the changes of ln(leakage) that are caused by waves longer than the patch."""
+        """Compute the changes of ln(leakage) due to waves that are longer than the patch."""
         ...
 
 
 def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 1)) -> Shape | None:
-    """Return half the number of points along each axis, or slightly more where cells or blocks require it.
+    """Return the numbers of points of a grid with half the points along each axis.
 
-    The result is None if such a grid would be too similar to the original grid for a comparison.
+    The numbers may be slightly larger than half, because the cells or blocks of the surface require it. The result is
+    None if the coarser grid would be too similar to the original grid for a comparison, see `MOST_POINTS_FRACTION`.
 
     Parameters
     ----------
@@ -137,22 +137,23 @@ def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 
 
 
 def solved_study(study: Study) -> Study:
-    """Return the study that is solved for a modified version of the input, in place of a study of the run.
+    """Return the study that computes the leakage of a modified version, for comparison with a study of the run.
 
-    The two-scale study is replaced by the deterministic one, because both solve the whole surface.
+    For the two-scale study, this is the deterministic study, which solves the flow of the whole surface as well. For
+    any other study, this is the study itself.
     """
     return STUDIES["deterministic"] if study.name == "two-scale" else study
 
 
 def coarser_grid(version: Version) -> Version | None:
-    """Make the version with half the points along each axis; None if the points cannot be reduced that much."""
+    """Make the version with half the points along each axis; None if so few points are not possible."""
     surface = version.scene.surface
     points = coarser_points(surface.shape, version.least_points, version.points_divide_by)
     return None if points is None else _reduced(version, surface.resample(points))
 
 
 def without_filtered_waves(version: Version) -> Version | None:
-    """Make the version without the waves below twice the shortest wavelength; None if the surface was not filtered."""
+    """Make the version without the shortest octave of waves; None if no waves were removed from the surface."""
     if not _lacks_waves(version):
         return None
     surface, wave = version.scene.surface, 2 * version.conditioning.shortest_wave
@@ -170,10 +171,11 @@ def without_filtered_waves(version: Version) -> Version | None:
 
 
 def continued_versions(grid: Version) -> list[Version]:
-    """Make the versions that show the error of a continued spectrum.
+    """Make the versions that show the error of extrapolating the spectrum.
 
-    In the first versions, `OTHER_PHASES` in number, the continued waves have other random phases. In the last version,
-    the shortest octave of waves is removed. The list is empty if the spectrum of the surface was not continued.
+    The first `OTHER_PHASES` versions of the list have other random phases of the extrapolated waves. The last version
+    of the list lacks the shortest octave of the waves above the cut-off. The list is empty if the spectrum of the
+    surface was not extrapolated.
     """
     continued = grid.continuation
     if continued is None:
@@ -191,23 +193,23 @@ def continued_versions(grid: Version) -> list[Version]:
 
 
 def kept_slope(version: Version) -> float:
-    """Return the rms slope of the surface, divided by the rms slope that it would have with its missing waves.
+    """Return the rms slope of the surface, divided by the rms slope of the surface with its missing waves.
 
-    The result is 1 if the missing waves do not matter.
+    The ratio is 1 if the missing waves have hardly any slope, see `LEAST_REMOVED`.
     """
     return version.conditioning.kept_slope if _lacks_waves(version) else 1.0
 
 
 def _lacks_waves(version: Version) -> bool:
-    """Return whether waves that matter are missing, because of the filter or the resolution of the instrument."""
+    """Return whether the filter or the resolution of the instrument has noticeably reduced the rms slope."""
     return 1 - version.conditioning.kept_slope >= LEAST_REMOVED
 
 
 def _reduced(version: Version, surface: Surface) -> Version:
-    """Make the version of the input with a coarser surface, divided into the same cells, and with fewer realisations.
+    """Make the version with a coarser surface, which is divided into the same cells, and with fewer realisations.
 
-    The realisations of this version are compared with the first realisations of the run. Both have the same cells in
-    the same tiles.
+    The realisations of the coarser version have the same cells in the same tiles as the first realisations of the run,
+    so that their leakages can be compared.
     """
     sampling = version.sampling
     if sampling is not None:
@@ -235,7 +237,7 @@ class VersionLeakage:
 
 
 def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage]:
-    """Solve the studies of a version, and return their leakage by the key of the study. Failed studies are left out."""
+    """Solve the studies of a version of the input, and return the leakage of each study that did not fail, by its key."""
     leakages: dict[str, VersionLeakage] = {}
     for study in version.solved_studies:
         try:
@@ -251,17 +253,19 @@ def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage
 
 
 def leakage_of(result: Any) -> Array:
-    """Return the leakage of a study at every step (steps,) [m²/s]; for a stochastic study, this is the median."""
+    """Return the leakage of a study at every step (steps,) [m²/s], or the median leakage for a stochastic study."""
     return study_of_result(result).leakage(result)
 
 
 def compare_leakage(
     result: Any, version: Version, solved: Mapping[str, VersionLeakage]
 ) -> CoarserSolution:
-    """Compare the leakage of a coarser version of the input with the result of a study.
+    """Compare the leakage of a coarser version of the input with the leakage of the original input.
 
-    solved : leakage of each study of this version, by the key of the study. If the study is missing because it failed,
-        the leakage of the coarser solution is NaN.
+    result : result of a study for the original input.
+    version : coarser version of the input.
+    solved : leakage of each study for the coarser version, by the key of the study. If the study is not in `solved`,
+        because it failed, the returned leakage is NaN.
     """
     points, slope = version.scene.surface.shape, version.scene.surface.rms_slope
     solution = solved.get(solved_study(study_of_result(result)).key)
