@@ -237,7 +237,7 @@ class VersionLeakage:
 
 
 def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage]:
-    """Solve the studies of a version of the input, and return the leakage of each study that did not fail, by its key."""
+    """Solve the studies of a version, and return the leakage of each study that did not fail, by its key."""
     leakages: dict[str, VersionLeakage] = {}
     for study in version.solved_studies:
         try:

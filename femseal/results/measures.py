@@ -1,12 +1,12 @@
 """Estimate which action would narrow the 95 % interval of a leakage most, and which would lower the leakage.
 
-- A source of error is reduced: its contribution to the interval of ln(leakage) is multiplied by a factor. The other
-  contributions of the error budget do not change.
-- The load is increased: the leakage is extrapolated along the loading curve.
-- The finish is made smoother: the leakage follows from a scaling law, see `_slope_over_heights`. The law contains the
-  sensitivity to the hardness, which is taken from the error budget.
+- To narrow the interval, an action reduces an error source. The contribution of this error source to the interval of
+  ln(leakage) is multiplied by a factor, and the contributions of all other error sources are not changed.
+- To lower the leakage, the load is increased. The leakage under the higher load is extrapolated along the loading curve.
+- To lower the leakage, the roughness heights are reduced. The leakage of the smoother surface follows from a scaling
+  law, see `_slope_over_heights`.
 
-All of this is computed from stored results, without solving any contact or flow.
+The estimates are computed from stored results, without solving any contact or flow.
 """
 
 from __future__ import annotations
@@ -51,7 +51,8 @@ NARROWED_IF_GENERATED = {
     "patch": "a larger generated surface",
     "longer waves": "a larger generated surface",
 }
-#: Actions of a known extent, and the factor by which each action multiplies the error of ln(leakage) from this source.
+#: Actions of a known extent, and the factor by which each action multiplies the error of ln(leakage) from its error
+#: source.
 _QUANTIFIED_MEASURES = {
     "pixels": ("twice the points along each side", 2.0**-ORDER),
     "realisations": ("four times as many realisations in [stochastic]", 0.5),
@@ -60,8 +61,8 @@ _QUANTIFIED_MEASURES = {
     "form": ("measuring the form to half its tolerance", 0.5),
     "patches": ("four times as many measured patches", 0.5),
 }
-#: Actions for the source "patch", with the ratio of the larger area to the present area. The factor by which they
-#: multiply the error depends on the contact state, see `_patch_factor`.
+#: Actions for the source "patch", with the ratio of the larger area to the present area. The factor by which an action
+#: multiplies the error depends on the contact state, see `_patch_factor`.
 _LARGER_PATCH = ("a measured area four times as large", 4.0)
 _LARGER_GENERATED = ("a generated surface with twice the length along each side", 4.0)
 #: Action for a generated surface that already is as wide as the seal, so that only more length helps.
@@ -70,7 +71,7 @@ _LONGER_GENERATED = ("a generated surface four times as long along x2", 4.0)
 LOAD_INCREASE = 0.1
 #: Factor by which the roughness heights are multiplied in the smoother finish whose effect is reported.
 HEIGHTS = 0.8
-#: Relative error of the hardness if the case does not give one.
+#: Relative error of the hardness if the case states no hardness_tolerance.
 _HARDNESS_TOLERANCE = 0.1
 #: Keys of a material whose hardness depends on the depth of the deformation.
 _HARDENING_KEYS = ("hardening", "nix_gao_depth", "hardness_table", "coating")
@@ -87,10 +88,10 @@ class Narrowing:
     action : str
         Description of the action.
     lower, upper : float
-        Estimated ends of the interval after this action [m²/s].
+        Estimated lower and upper end of the 95 % interval after the action [m²/s].
     is_best_case : bool
-        True if the effect of the action is unknown. Then `lower` and `upper` are computed as if this source of error
-        were removed completely.
+        True if it is unknown how much the action reduces the error source. In this case, `lower` and `upper` are
+        computed as if the action removed the error source completely.
     """
 
     source: str
@@ -107,9 +108,9 @@ class Lowering:
     Attributes
     ----------
     by_load : float
-        Factor for a load that is increased by the fraction `LOAD_INCREASE`.
+        Factor of the leakage if the load is increased by the fraction `LOAD_INCREASE`.
     by_finish : float
-        Factor for a finish whose roughness heights are multiplied by `HEIGHTS`.
+        Factor of the leakage if the roughness heights are multiplied by `HEIGHTS`.
     """
 
     by_load: float
@@ -117,7 +118,7 @@ class Lowering:
 
 
 def narrowed_by(results: Results, source: str) -> str:
-    """Describe an action that reduces a source of error; "" if none is known."""
+    """Describe an action that reduces an error source; "" if no action is known."""
     if is_generated(results) and source in NARROWED_IF_GENERATED:
         return NARROWED_IF_GENERATED[source]
     material = results.case.get("material") or {}
@@ -136,7 +137,7 @@ def is_generated(results: Results) -> bool:
 def best_narrowing(results: Results, step: int) -> Narrowing | None:
     """Find the action that narrows the 95 % interval at a load step most.
 
-    This action reduces the largest source of error at this step.
+    This is the action that reduces the error source with the widest interval at the load step.
 
     Parameters
     ----------
@@ -148,8 +149,7 @@ def best_narrowing(results: Results, step: int) -> Narrowing | None:
     Returns
     -------
     Narrowing or None
-        None if there is no error budget. Also None if the computed leakage is zero, because then the interval has no
-        lower end above zero.
+        None if the run has no error budget, or if the computed leakage at the load step is zero.
     """
     budget = results.budget
     if budget is None or not budget.parts or not np.abs(budget.leakage[step]) > 0:
@@ -158,7 +158,7 @@ def best_narrowing(results: Results, step: int) -> Narrowing | None:
 
 
 def _narrowing(results: Results, budget: ErrorBudget, source: str, step: int) -> Narrowing:
-    """Estimate the 95 % interval at a load step after one source of error has been reduced."""
+    """Estimate the 95 % interval at a load step after an action that reduces the error source `source`."""
     # if the effect of an action is unknown, the factor is 0, as if the source of error were removed
     action, factor = _QUANTIFIED_MEASURES.get(source, ("", 0.0))
     if source == "patch":
@@ -191,10 +191,9 @@ def _larger_patch(results: Results) -> tuple[str, float]:
 def _patch_factor(results: Results, step: int, area_ratio: float) -> float:
     """Estimate the factor by which the error from the source "patch" changes if a larger area is measured.
 
-    The number of blocks that carry the flow, the carriers, is proportional to the area. All other quantities that
-    determine the error do not depend on the area. The ratio is therefore e(r N)/e(N), with the function e,
-    `error_of_few_carriers`, the present number N of carriers and the ratio r of the areas. If N is unknown, the error
-    is assumed to decrease like the error of a mean of independent samples, in proportion to 1/√r.
+    Let N be the number of blocks of the surface that carry the flow, and r the ratio of the larger area to the present
+    area. For the larger area, the number of these blocks is r N. The factor is e(r N)/e(N), where e is the function
+    `error_of_few_carriers`. If N is unknown, the factor is 1/√r, as for the error of a mean of independent samples.
 
     Parameters
     ----------
@@ -217,7 +216,7 @@ def _patch_factor(results: Results, step: int, area_ratio: float) -> float:
 
 
 def lowering(results: Results, leakage: Array, step: int) -> Lowering:
-    """Estimate how a higher load and a smoother finish change the leakage at a step of the loading.
+    """Estimate how a higher load and a smoother surface finish change the leakage at a step on loading.
 
     Parameters
     ----------
@@ -238,7 +237,7 @@ def lowering(results: Results, leakage: Array, step: int) -> Lowering:
 def _slope_over_load(results: Results, leakage: Array, step: int) -> float:
     """Return d ln(leakage)/d ln(load) between a step on loading and the step with the next lower load.
 
-    The slope is NaN if one of the two leakages is zero or unknown, or if there is no lower load.
+    The slope is NaN if the leakage at one of the two steps is zero or unknown, or if the run has no lower load.
     """
     steps = results.steps
     loading = np.flatnonzero(steps.on_loading)
@@ -256,13 +255,15 @@ def _slope_over_load(results: Results, leakage: Array, step: int) -> float:
 def _slope_over_heights(results: Results, slope_over_load: float, step: int) -> float:
     """Return d ln(leakage)/d ln(roughness height), for a fluid without slip.
 
-    Let all heights be multiplied by a. The gap is then a times the gap of the original surface with load/a and
-    hardness/a, and the leakage is a³ times the leakage of the original surface with load/a and hardness/a. The slope
-    over the heights is therefore 3 − s_load − s_hardness, where s_load and s_hardness are the slopes of ln(leakage)
-    over ln(load) and over ln(hardness).
+    The slope follows from a scaling law. If all roughness heights are multiplied by a factor `c`, the surface under the
+    load F and with the hardness H has a gap that is `c` times the gap of the original surface under the load F/c and
+    with the hardness H/c. The leakage is proportional to the cube of the gap. The slope of ln(leakage) over
+    ln(roughness height) is therefore 3 − s_load − s_hardness, where s_load is the slope of ln(leakage) over ln(load),
+    and s_hardness is the slope of ln(leakage) over ln(hardness).
 
-    The slope is NaN in three cases: the seal has a form or a seat, which does not scale with the roughness; the
-    hardness depends on the depth; or s_hardness is unknown, because the error budget has no source "hardness".
+    The slope is NaN if the seal has a form deviation or a seat, because their heights do not scale with the roughness.
+    The slope is also NaN if the hardness depends on the depth, and if s_hardness is unknown because the error budget
+    has no error source "hardness".
     """
     case = results.case
     material: dict[str, Any] = case.get("material") or {}

@@ -1,20 +1,23 @@
-"""Compute the sealing index ∫ pⁿ dl of a finish, and the smallest index that meets each leakage class.
+"""Compute the sealing index ∫ pⁿ dl of a surface finish, and the smallest index that meets each leakage class.
 
 Designers of metal seals integrate a power of the contact pressure p over the width of the seal, and require that the
-integral is at least a given value (Murtagian et al., J. Tribol. 126, 2004, 591). Exponent and required value usually
-follow from tests. Here they follow from the leakage of a run. The leakage per length of a seal whose permeability k
-changes only along the direction l of the flow is
+integral is at least a given value (Murtagian et al., J. Tribol. 126, 2004, 591). The exponent n and the required value
+usually come from leak tests. This module computes the exponent and the required value from the leakage of a run.
 
-    q = D / ∫ dl/k        D = (φ(p_in) − φ(p_out)) / ρ
+Let k be the permeability of the seal, which changes only along the direction l of the flow. The leakage per unit length
+of the seal is
 
-with the pressure potential φ of the fluid at inlet and outlet and the density ρ to which the leakage refers. For a
-liquid, D is the pressure drop divided by the viscosity. For an ideal gas, φ contains the squares of the pressures. If k
-is a power of the contact pressure, k = k₀ (p/p₀)⁻ⁿ, the leakage is at most q_class if and only if
+    q = D / ∫ dl/k,        D = (φ(p_in) − φ(p_out)) / ρ,
+
+where φ is the pressure potential of the fluid at the inlet pressure p_in and the outlet pressure p_out, and ρ is the
+density at which the volume of the leakage is given. For a liquid, D is the pressure drop divided by the viscosity. For
+an ideal gas, φ is proportional to the square of the pressure. If the permeability is a power of the contact pressure,
+k = k₀ (p/p₀)⁻ⁿ, the leakage q is at most the limit q_class of a leakage class if and only if
 
     ∫ pⁿ dl ≥ p₀ⁿ k₀ D / q_class.
 
-Here k = q w/D is the permeability of the whole seal of the run, with the width w of the seal. For a stochastic seal,
-it therefore includes the detours of the flow around tiles with a low permeability.
+The permeability of the seal of a run is k = q w/D, with the width w of the seal. The permeability of a stochastic seal
+includes the effect of detours of the flow around tiles with a low permeability.
 """
 
 from __future__ import annotations
@@ -42,22 +45,22 @@ _QUANTILES = (0.025, 0.975)
 
 @dataclass(frozen=True)
 class PowerLaw:
-    """Describe the permeability of a finish in a range of pressures by k = k₀ (p/p₀)⁻ⁿ.
+    """Describe the permeability of a surface finish in a range of contact pressures by k = k₀ (p/p₀)⁻ⁿ.
 
     Attributes
     ----------
     exponent : float
         Exponent n = −d ln k/d ln p.
     pressure : float
-        Pressure p₀, the geometric mean of both ends of the range [Pa].
+        Reference pressure p₀ [Pa], the geometric mean of the lowest and the highest contact pressure.
     permeability : float
-        Permeability k₀ at this pressure [m³].
+        Permeability k₀ at the reference pressure [m³].
     lowest_pressure, highest_pressure : float
-        Range of contact pressures for which the law was fitted [Pa].
+        Lowest and highest contact pressure for which the law was fitted [Pa].
     count : int
-        Number of load steps in the range. A law of two steps passes through both, so that its deviation is 0.
+        Number of load steps to which the law was fitted. With two load steps, the deviation is 0.
     deviation : float
-        Largest relative deviation of the permeability from the law in this range.
+        Largest relative deviation of the permeability at a load step from the law.
     """
 
     exponent: float
@@ -73,15 +76,15 @@ class PowerLaw:
         return self.permeability * (reals(pressure) / self.pressure) ** -self.exponent
 
     def needed_index(self, drive: float, leakage: float) -> float:
-        """Return the smallest index with which a seal leaks at most a given amount, p₀ⁿ k₀ D/q [Paⁿ m].
+        """Return the sealing index p₀ⁿ k₀ D/q that is required for a leakage of at most q [Paⁿ m].
 
         Parameters
         ----------
         drive : float
-            Drop D of the pressure potential, divided by the density [1/s]. For a liquid, this is the pressure drop
-            divided by the viscosity.
+            Drop D of the pressure potential from inlet to outlet, divided by the density [1/s]; for a liquid, the
+            pressure drop divided by the viscosity.
         leakage : float
-            Leakage q per length of the seal [m²/s].
+            Leakage q per unit length of the seal [m²/s].
         """
         # p₀ⁿ can be too large for a number where the exponent is large; the index is then infinite
         logarithm = self.exponent * np.log(self.pressure) + np.log(
@@ -93,21 +96,22 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class IndexLimit:
-    """Hold the sealing index that a leakage class needs.
+    """Hold the smallest sealing index that meets a leakage class.
 
     Attributes
     ----------
     name : str
         Name of the class.
     leakage : float
-        Largest leakage per length of the seal in the class [m²/s].
+        Largest leakage per unit length of the seal that the class allows [m²/s].
     value : float
         Smallest sealing index that meets the class according to the computed leakage [Paⁿ m].
     lower, upper : float
-        95 % interval of this value [Paⁿ m], which includes the deviation from the power law. Both are NaN if the
-        leakage has no interval. `upper` is inf if the error of the leakage has no upper bound.
+        Lower and upper end of the 95 % interval of `value` [Paⁿ m], which includes the deviation from the power law.
+        The ends are NaN if the leakage has no 95 % interval. `upper` is inf if the error of the leakage has no upper
+        bound.
     exponent : float
-        Exponent n, which is part of the unit of the index.
+        Exponent n of the sealing index, which is part of its unit Paⁿ m.
     """
 
     name: str
@@ -124,19 +128,20 @@ class IndexLimit:
 
 @dataclass(frozen=True)
 class SealingIndex:
-    """Hold the sealing index of a finish in a range of contact pressures.
+    """Hold the exponent and the required values of the sealing index in a range of contact pressures.
 
     Attributes
     ----------
     law : PowerLaw
         Permeability as a power of the contact pressure.
     unloaded_from : float or None
-        Pressure from which the seal was unloaded [Pa]; None on loading.
+        Highest nominal pressure before unloading [Pa]; None if the index is for loading.
     exponent_interval : pair of float
-        Smallest and largest exponent. Laws are fitted to both ends of the 95 % interval of the leakage and to each
-        realisation; 2.5 % of the realisations are left out at either end.
+        Smallest and largest exponent of the power laws that are fitted to the lower end of the 95 % interval of the
+        leakage, to its upper end, and to each realisation. The 2.5 % smallest and the 2.5 % largest exponents of the
+        realisations are left out.
     limits : tuple of IndexLimit
-        Sealing index that each leakage class needs.
+        Smallest sealing index that meets each leakage class.
     """
 
     law: PowerLaw
@@ -158,7 +163,7 @@ class SealingIndex:
 
 
 def fit_power_law(pressures: ArrayLike, permeabilities: ArrayLike) -> PowerLaw:
-    """Fit a power law with the smallest possible largest relative deviation from the permeabilities.
+    """Fit the power law whose largest relative deviation from the permeabilities is smallest (minimax fit).
 
     Parameters
     ----------
@@ -218,9 +223,10 @@ def fit_power_law(pressures: ArrayLike, permeabilities: ArrayLike) -> PowerLaw:
 def fit_power_laws(
     pressures: ArrayLike, permeabilities: ArrayLike, tolerance: float = TOLERANCE
 ) -> tuple[PowerLaw, ...]:
-    """Divide the pressures into ranges, in each of which the permeability is a power law.
+    """Divide the contact pressures into as few ranges as possible, and fit a power law in each range.
 
-    There are as few ranges as possible. Neighbouring ranges have one pressure in common.
+    In each range, the permeability deviates from the power law by at most `tolerance`. Two neighbouring ranges have one
+    pressure in common.
 
     Parameters
     ----------
@@ -232,7 +238,7 @@ def fit_power_laws(
     Returns
     -------
     tuple of PowerLaw
-        Laws, from the range of the highest pressures to that of the lowest.
+        Power laws, beginning with the range of the highest pressures.
     """
     tolerance = validate.tolerance("tolerance", tolerance)
     p = _positive("pressures", pressures)
@@ -258,9 +264,9 @@ def fit_power_laws(
 
 
 def integrate_power(positions: ArrayLike, pressures: ArrayLike, exponent: float) -> float:
-    """Integrate pⁿ over a profile of the contact pressure, which is linear between the given positions.
+    """Integrate pⁿ over a profile of the contact pressure p, which is linear between the given positions.
 
-    Between two positions with the pressures a < b, the mean of pⁿ is (bⁿ⁺¹ − aⁿ⁺¹)/((n + 1)(b − a)).
+    If p rises linearly from `a` to `b` between two positions, the mean of pⁿ is (bⁿ⁺¹ − aⁿ⁺¹)/((n + 1)(b − a)).
 
     Parameters
     ----------
@@ -321,7 +327,7 @@ def sealing_indices(
     tolerance: float = TOLERANCE,
     nominal_diameter: float | str | None = None,
 ) -> tuple[SealingIndex, ...]:
-    """Compute the sealing index of the finish of a run, on loading and after unloading from the highest load.
+    """Compute the sealing index for the surface of a run, on loading and on unloading from the highest load.
 
     Parameters
     ----------
@@ -337,8 +343,8 @@ def sealing_indices(
     Returns
     -------
     tuple of SealingIndex
-        A sealing index for each range of pressures: first the ranges on loading, then the ranges on unloading. Both
-        are ordered from the highest pressures to the lowest.
+        A sealing index for each range of pressures: the ranges on loading in falling order of pressure, then the ranges
+        on unloading in falling order of pressure.
 
     Raises
     ------
@@ -356,15 +362,15 @@ def sealing_indices(
 def indices_of_limits(
     results: Results, limits: Mapping[str, float], tolerance: float = TOLERANCE
 ) -> tuple[SealingIndex, ...]:
-    """Compute the sealing index of a run as `sealing_indices` does, for given limits of the leakage.
+    """Compute the sealing index for the surface of a run, with limits of the leakage in place of leakage classes.
 
     Parameters
     ----------
     results : Results
         Results of a run whose nominal pressure is uniform over the seal.
     limits : mapping
-        Largest leakage per length of the seal [m²/s], by the name of the limit. Limits of 0 are left out, because no
-        finite index prevents all leakage.
+        Largest leakage per length of the seal [m²/s], by the name of the limit. A limit of 0 is ignored, because no
+        finite sealing index prevents all leakage.
     tolerance : float
         Largest relative deviation of the permeability from a power law in each range.
     """
@@ -389,14 +395,14 @@ def indices_of_limits(
 
 
 class _Seal:
-    """Hold the permeability of the seal of a run at each load step, and the interval of the leakage.
+    """Hold the leakage and the permeability of the seal of a run at each load step, with their 95 % interval.
 
     Attributes
     ----------
     drive : float
         Drop D of the pressure potential, divided by the density [1/s].
     curve : LeakageCurve
-        Leakage at each load step, with the fluid that decides on the leakage classes.
+        Leakage at each load step of the fluid for which the leakage classes are evaluated.
     pressures : array
         Nominal contact pressure at each load step [Pa].
     permeability_per_leakage : float
@@ -406,7 +412,8 @@ class _Seal:
     realisations : array
         Leakage of each realisation at each load step, axes: realisation, load step [m²/s].
     lower, upper : array
-        95 % interval of the leakage at each load step [m²/s]. Without an error budget, it is that of the realisations.
+        95 % interval of the leakage at each load step [m²/s]. Without an error budget, the interval contains 95 % of
+        the realisations.
     has_interval : bool
         Whether `lower` and `upper` are known.
     """
@@ -435,12 +442,13 @@ class _Seal:
             self.has_interval = True
 
     def leaking_steps(self, unloaded_from: float | None) -> Indices:
-        """List the load steps at which the seal leaks a known amount, from the highest load to the lowest.
+        """List the load steps at which the leakage is known and above 0, from the highest load to the lowest.
 
         Parameters
         ----------
         unloaded_from : float or None
-            Pressure from which the seal is unloaded in these steps [Pa]; None for the steps on loading.
+            Highest nominal pressure before unloading [Pa], to list the steps on unloading; None to list the steps on
+            loading.
         """
         steps = falling_steps(self.curve.steps, unloaded_from)
         leakage = self.curve.leakage[steps]
@@ -454,14 +462,14 @@ class _Seal:
         steps: Indices,
         limits: Mapping[str, float],
     ) -> SealingIndex:
-        """Make the sealing index of one range of pressures.
+        """Make the sealing index for a range of contact pressures with a common power law.
 
         Parameters
         ----------
         law : PowerLaw
-            Law of the permeability in this range.
+            Power law of the permeability in the range.
         unloaded_from : float or None
-            Pressure from which the seal is unloaded [Pa]; None on loading.
+            Highest nominal pressure before unloading [Pa]; None on loading.
         steps : array of int
             Load steps in the range.
         limits : mapping
@@ -515,10 +523,11 @@ class _Seal:
 
 
 def equivalent_width(results: Results) -> float:
-    """Return the width of a straight seal that leaks as much per length as the seal of a run [m].
+    """Return the width w [m] of a straight seal with the leakage per unit length of the seal of a run.
 
-    The leakage per length is q = k D/w with this width w. For a strip, w is the width of the strip. For a ring with the
-    radii r_i and r_o, w = r ln(r_o/r_i), with the mean radius r.
+    The leakage per unit length of a straight seal is q = k D/w, see the module. For a strip, w is the width of the
+    strip. For a ring with the inner radius r_i, the outer radius r_o and the mean radius r, the width of the equivalent
+    straight seal is w = r ln(r_o/r_i).
 
     Raises
     ------
@@ -534,9 +543,7 @@ def equivalent_width(results: Results) -> float:
     if kind is None and results.scene is not None:
         kind = results.scene.layout.kind
     if kind == MeshLayout.kind:
-        raise InputError(
-            "results", "a seal whose shape is a mesh", "a strip or a ring, of one width"
-        )
+        raise InputError("results", "a seal whose shape is a mesh", "a strip or a ring")
     if kind == AnnularLayout.kind:
         # r ln(r_o/r_i) = d artanh(w/d), with the mean diameter d = 2 r and the width w = r_o − r_i of the ring
         diameter = length / pi

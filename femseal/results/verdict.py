@@ -1,16 +1,16 @@
 """Judge whether a seal meets leakage classes, from which load on, and how certain this is.
 
-The report, the tables, the answer of a design and the terminal all take their statements from here.
+The report, the tables, the answer of a design and the terminal output state the verdicts of this module.
 `LeakageCurve.needed` finds the load that is required to keep the leakage within a limit, on loading or on unloading;
-`verdict_text` puts it into words.
+the module `verdict_text` puts the required load into words.
 
-Between load steps, ln(leakage) is interpolated linearly in ln(pressure). If the seal opens or closes between two steps,
-or if one of them has zero load, no interpolation is possible; the load of the step that meets the limit is then taken
-as the required load. Nothing is extrapolated beyond the load steps. The required load may then only be known to lie
-above the highest or below the lowest load.
+Between load steps, ln(leakage) is interpolated linearly in ln(pressure). Interpolation is impossible if the seal is
+sealed at one of the two steps, or if one of the two loads is zero. In this case, the load of the step that meets the
+limit is taken as the required load. The leakage is not extrapolated to loads outside the load cycle. A required load
+outside the load cycle is only known to be above the highest load or below the lowest load.
 
-A class is not met at a load at which the computation failed, at which the fluid carries the whole load, or at which the
-computed leakage is zero but its error has no upper bound.
+A leakage class is regarded as not met at a load at which the computation failed or the fluid carries the whole load. A
+class is also regarded as not met if the computed leakage is zero, but its 95 % interval has no upper bound.
 """
 
 from __future__ import annotations
@@ -40,23 +40,25 @@ INTERVAL = "the whole 95 % interval"
 class NeededPressure:
     """Hold the nominal pressure that is required to keep the leakage within a limit.
 
-    On loading, the leakage is within the limit at this pressure and above. On unloading, it stays within the limit down
-    to this pressure. A required pressure is inf if no load of the run is sufficient, and 0 if the lowest load of the
-    run is sufficient.
+    On loading, the leakage is within the limit at the required pressure and at higher pressures. On unloading, the
+    leakage stays within the limit down to the required pressure. A required pressure is inf if no load of the run is
+    sufficient, and 0 if the lowest load of the run is sufficient.
 
     Attributes
     ----------
     value : float
-        Required pressure if the leakage is at the upper end of its 95 % interval [Pa]; without an interval, it equals
-        `computed`.
+        Required pressure [Pa] if the true leakage is at the upper end of its 95 % interval; equal to `computed` if the
+        leakage has no interval.
     computed : float
-        Required pressure by the computed leakage [Pa].
+        Required pressure [Pa] if the true leakage is equal to the computed leakage.
     low : float
-        Required pressure if the leakage is at the lower end of its interval [Pa].
+        Required pressure [Pa] if the true leakage is at the lower end of its 95 % interval.
     lowest, highest : float
-        Lowest and highest load of the run [Pa]. The required pressure is only known if it lies between them.
+        Lowest and highest nominal pressure of the run [Pa]. A required pressure below `lowest` or above `highest` is
+        unknown.
     on_unloading : bool
-        True if the pressure refers to unloading after an assembly at `highest`, False if it refers to loading.
+        True for the required pressure on unloading after an assembly at `highest`, False for the required pressure on
+        loading.
     has_interval : bool
         True if the 95 % interval of the leakage is known.
     """
@@ -76,18 +78,18 @@ class NeededPressure:
 
     @property
     def at(self) -> float:
-        """Required pressure by the computed leakage [Pa], NaN if it does not lie within the loads of the run."""
+        """Required pressure for the computed leakage [Pa], NaN if this pressure is outside the loads of the run."""
         return self.computed if 0 < self.computed < inf else np.nan
 
     @property
     def relation(self) -> str:
-        """Sign between the required pressure and `bound(value)`, which is "=" if the required pressure is known."""
+        """Sign between the required pressure and `bound(value)`: "=" for a known pressure, else ">" or "<="."""
         if self.value == inf:
             return ">"
         return "<=" if self.value == 0 else "="
 
     def bound(self, value: float) -> float:
-        """Replace a required pressure of inf by the highest load, and a required pressure of 0 by the lowest load."""
+        """Return the highest load for a required pressure of inf, the lowest load for 0, and `value` otherwise."""
         if value == inf:
             return self.highest
         return self.lowest if value == 0 else value
@@ -97,7 +99,7 @@ class NeededPressure:
 
         Parameters
         ----------
-        value : one of the required pressures `value`, `computed` and `low` of this object [Pa].
+        value : required pressure [Pa], which is the attribute `value`, `computed` or `low` of this object.
         load_text : function that converts a nominal pressure to text.
         """
         load = load_text(self.bound(value))
@@ -110,9 +112,10 @@ class NeededPressure:
         return f"at every load from {load} on" if value == 0 else f"from {load} on"
 
     def text(self, load_text: LoadText) -> str:
-        """Name the load that is required if the whole 95 % interval must meet the limit.
+        """Say which load is required for the upper end of the 95 % interval to be within the limit.
 
-        If a different load is required for the computed leakage to meet the limit, it is added in brackets.
+        The load that is required for the computed leakage to be within the limit is added in brackets, if it is
+        different.
         """
         value = self.words(self.value, load_text)
         computed = self.words(self.computed, load_text)
@@ -121,17 +124,18 @@ class NeededPressure:
 
 @dataclass(frozen=True, eq=False)
 class LeakageCurve:
-    """Hold the leakage over a load cycle with its 95 % interval, which decides on leakage classes.
+    """Hold the leakage at every step of a load cycle with its 95 % interval, for the evaluation of leakage classes.
 
     Attributes
     ----------
     steps : LoadProgramme
         Load programme of the run.
     leakage : array
-        Absolute value of the leakage per unit seal length, (step,) [m²/s]; inf if nothing is known about it.
+        Absolute value of the leakage per unit seal length, (step,) [m²/s]; inf where the leakage is unknown.
     lower, upper : array
-        Ends of the 95 % interval, (step,) [m²/s]. They are consistent with the fact that the leakage does not increase
-        with the load, see `within_others`. Without an interval, both ends are equal to the leakage.
+        Lower and upper end of the 95 % interval, (step,) [m²/s]. The intervals of the steps are made consistent by the
+        rule that the leakage does not increase with the load, see `within_others`. Without an interval, `lower` and
+        `upper` are equal to the leakage.
     has_interval : bool
         True if the 95 % interval is known.
     """
@@ -196,9 +200,10 @@ class LeakageCurve:
         limit : float
             Largest permitted leakage per unit seal length [m²/s].
         peak : float, optional
-            Load from which the seal is unloaded [Pa]. If a peak is given, the result refers to unloading from it: it is
-            the lowest load at which the leakage is still within the limit. By default, the result refers to loading: it
-            is the load that must be reached for the leakage to be within the limit.
+            Highest load before unloading [Pa]. If `peak` is given, the function returns the lowest load on unloading at
+            which the leakage is still within the limit. By default, the function returns the load on loading above
+            which the leakage is within the limit. By default, the result refers to loading: it is the load that must be
+            reached for the leakage to be within the limit.
         """
         steps = falling_steps(self.steps, peak)
         return self._needed(self.steps.pressures[steps], steps, limit, peak is not None)
@@ -219,12 +224,12 @@ class LeakageCurve:
     def _needed(
         self, pressures: Array, steps: Indices, limit: float, on_unloading: bool
     ) -> NeededPressure:
-        """Find the pressures at which the leakage and both ends of its interval reach a limit.
+        """Find the pressures at which the leakage, and the lower and the upper end of its interval, reach a limit.
 
         Parameters
         ----------
-        pressures : pressure that is reported for each step, in falling order [Pa]. For steps after relaxation, this is
-            the assembly pressure; for all others, it is the nominal pressure of the step.
+        pressures : pressure by which each step is identified in the result, in falling order [Pa]. A step after
+            relaxation is identified by its assembly pressure, and any other step by its nominal pressure.
         steps : indices of the steps whose leakage is compared with the limit.
         limit : largest permitted leakage per unit seal length [m²/s].
         on_unloading : True if the steps belong to an unloading.
@@ -245,7 +250,8 @@ class LeakageCurve:
     def assembly_step(self) -> int:
         """Index of the load step that represents the assembly.
 
-        Its load is the highest load from which the seal is unloaded, or the highest load if the cycle has no unloading.
+        The load of the assembly step is the highest load from which the seal is unloaded, or the highest load of a
+        cycle without unloading.
         """
         loading = np.flatnonzero(self.steps.on_loading)
         pressures = self.steps.pressures[loading]
@@ -254,9 +260,9 @@ class LeakageCurve:
 
 
 def falling_steps(steps: LoadProgramme, peak: float | None = None) -> Indices:
-    """Return the indices of the steps on loading, or on unloading from a peak, from the highest load to the lowest.
+    """Return the indices of the steps on loading, or on unloading from a load `peak`, in falling order of the load.
 
-    An unloading begins with the step of its peak, which is a step of the loading.
+    The steps on unloading from a load `peak` begin with the step on loading at which this load is reached.
     """
     loading = np.flatnonzero(steps.on_loading)[::-1]
     if peak is None:
@@ -267,7 +273,12 @@ def falling_steps(steps: LoadProgramme, peak: float | None = None) -> Indices:
 
 
 def relaxed_steps(steps: LoadProgramme, relaxation: float) -> tuple[Array, Indices]:
-    """Return all peaks in falling order [Pa], and for each peak the index of the step after relaxation from it."""
+    """Find the load steps that describe the relaxation after each assembly load.
+
+    relaxation : fraction of the assembly pressure that is lost.
+
+    Returns the assembly pressures in falling order [Pa], and for each of them the index of the step after relaxation.
+    """
     index_of = {step: index for index, step in enumerate(steps)}
     peaks = np.array(steps.unload_from[::-1])
     steps_after = [LoadStep(relaxed(peak, relaxation), peak) for peak in peaks.tolist()]
@@ -289,8 +300,8 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
     Returns
     -------
     array
-        Pressure for each seal, (seal,) [Pa]. It is inf if the leakage exceeds the limit at the highest pressure, and 0
-        if it does not exceed the limit at any pressure.
+        Lowest pressure for each seal, (seal,) [Pa]: inf if the leakage exceeds the limit at the highest pressure, and 0
+        if the leakage does not exceed the limit at any pressure.
     """
     is_within = within(leakage, limit)  # (seal, step)
     seals = np.arange(len(leakage))
@@ -315,7 +326,7 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Hold the verdict on a leakage class: whether a run meets it, and which load this requires.
+    """Hold the verdict on a leakage class: whether a run meets the class, and which load is required to meet the class.
 
     Attributes
     ----------
@@ -324,30 +335,31 @@ class Verdict:
     limit : float
         Largest permitted leakage per unit seal length [m²/s].
     fluid : str
-        Name of the fluid whose leakage decides.
+        Name of the fluid whose leakage is compared with the limit.
     is_own_limit : bool
         True for a limit that the user gives, False for a class of a standard.
     assembly_load : float
-        Nominal pressure in assembly [Pa].
+        Nominal pressure of the assembly [Pa].
     met_as_computed : bool
         True if the computed leakage at the assembly load meets the class.
     met_with_interval : bool or None
-        True if even the upper end of the 95 % interval at the assembly load meets the class; None if there is no
+        True if the upper end of the 95 % interval at the assembly load meets the class; None if the leakage has no
         interval.
     may_be_met : bool
-        True if the lower end of the interval at the assembly load meets the class.
+        True if the lower end of the 95 % interval at the assembly load meets the class.
     unknown : str
-        Reason why nothing is known about the leakage at the assembly load, "" if it is known.
+        Reason why the leakage at the assembly load is unknown, "" if the leakage is known.
     assembly : NeededPressure
-        Load that is required on loading for the class to be met.
+        Load that is required on loading to meet the class.
     service : dict
-        Lowest load on unloading at which the class is still met, for each peak from which the seal is unloaded. The
-        keys are the peaks [Pa].
+        Lowest load on unloading at which the class is still met. The keys are the loads from which the seal is unloaded
+        [Pa].
     vague_load : float
-        Nominal pressure at which the computed leakage meets the class, but the upper end of its interval does not [Pa];
-        NaN if there is no such load.
+        Nominal pressure [Pa] at which the computed leakage meets the class, but the upper end of its 95 % interval does
+        not meet the class; NaN if the run has no such load.
     widest_source, narrowed_by : str
-        Largest source of error at `vague_load`, and the action that reduces it.
+        Name of the error source with the widest interval at the load `vague_load`, and the action that reduces this
+        error.
     failed : tuple of str
         Names of the load steps at which the computation failed.
     """
@@ -370,7 +382,7 @@ class Verdict:
 
     @property
     def answer(self) -> str:
-        """Text that says whether the class is met at the assembly load, by the computed leakage and by its interval."""
+        """Text that says whether the computed leakage at the assembly load, and its 95 % interval, meet the class."""
         if self.unknown:
             return f"not met, as {self.unknown}"
         if not self.met_as_computed and self.may_be_met:
@@ -394,8 +406,8 @@ def verdicts_of(
     results : Results
         Results of a run.
     limits : sequence, optional
-        Name of each limit, and largest permitted leakage per unit seal length [m²/s]; by default the classes of the
-        case.
+        Pairs of the name of a limit and the largest permitted leakage per unit seal length [m²/s]; by default the
+        classes of the case.
 
     Returns
     -------
@@ -414,7 +426,7 @@ def verdicts_of(
 
 
 def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> Verdict:
-    """Judge whether a run meets one limit, and find the action that would narrow the interval of its leakage."""
+    """Judge whether the leakage of a run is within a limit, and find the action that would narrow its 95 % interval."""
     steps = curve.steps
     assembly_step = curve.assembly_step
     is_met = within(curve.leakage, limit)
@@ -454,7 +466,7 @@ def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> 
 
 
 def why_unknown(results: Results, step: int) -> str:
-    """Say why nothing is known about the leakage at a load step."""
+    """Say why the leakage at a load step is unknown."""
     if results.has_failed[step]:
         return "the solution failed"
     if step in results.open_steps:
@@ -463,7 +475,7 @@ def why_unknown(results: Results, step: int) -> str:
 
 
 def deciding_fluid(results: Results) -> str:
-    """Return the name of the fluid that decides on leakage classes; "the gas" or "the liquid" if it has no name."""
+    """Return the name of the fluid whose leakage is compared with the classes, or "the gas" or "the liquid"."""
     case = results.case
     has_test_fluid = "test_leakage" in results.dataset
     table = case.get("output", {}).get("test_fluid") if has_test_fluid else case.get("fluid")

@@ -1,7 +1,8 @@
-"""Put the verdict on a run into words and into a table, for the terminal, the report and the answer of a design.
+"""State in sentences and in a table which leakage classes a run meets, for the terminal, the report and the designs.
 
-`verdict_paragraphs` says whether each leakage class is met and which load this requires, how much the seal leaks at the
-assembly load, which action would help most, and whether the requested accuracy was reached.
+The function `verdict_paragraphs` says whether each leakage class is met and which load is required to meet the class,
+how much the seal leaks at the assembly load, which action would help most, and whether the requested accuracy was
+reached.
 """
 
 from __future__ import annotations
@@ -28,11 +29,13 @@ from .verdict import (
     why_unknown,
 )
 
-#: Sentences about one subject, with the most important one first.
+#: Sentences about one subject, with the most important sentence first.
 Paragraph = list[str]
-#: Up to this number of classes, their required loads are described in sentences; more classes need the table.
+#: Up to this number of classes, the required loads are stated in sentences; for more classes, the required loads are
+#: only stated in the table.
 _MOST_IN_SENTENCES = 2
-#: Above this remaining fraction of the width of an interval, in ln(leakage), an action narrows it only slightly.
+#: An action narrows an interval of ln(leakage) only slightly if the remaining fraction of its width is above this
+#: value.
 _SLIGHT = 0.9
 #: Smallest and largest mass rate that is given as mass per year [kg/s]: 1 mg and 10 t per year.
 _LEAST_MASS, _MOST_MASS = 1e-6 / 3.15576e7, 1e4 / 3.15576e7
@@ -41,7 +44,7 @@ _LEAST_MASS, _MOST_MASS = 1e-6 / 3.15576e7, 1e4 / 3.15576e7
 def verdict_paragraphs(
     results: Results, verdicts: Sequence[Verdict] | None = None
 ) -> list[Paragraph]:
-    """Say whether the seal is tight enough, how certain this is, and which action would help most.
+    """Say whether the seal is tight enough, how certain this statement is, and which action would help most.
 
     Parameters
     ----------
@@ -53,8 +56,8 @@ def verdict_paragraphs(
     Returns
     -------
     list of list of str
-        Paragraphs, each a list of sentences: one for each class, then the leakage, measures, the accuracy and hints if
-        they apply.
+        Paragraphs, each of which is a list of sentences. The first paragraphs are about the classes, one paragraph for
+        each class. Paragraphs about the leakage, measures, the accuracy and hints follow, if there is something to say.
     """
     if verdicts is None:
         verdicts = verdicts_of(results)
@@ -71,7 +74,7 @@ def verdict_paragraphs(
 
 
 def seal_name(results: Results) -> str:
-    """Return "the whole seal" or, if the case states no length of the seal, the length that is assumed for it."""
+    """Return "the whole seal" or, if the case states no length of the seal, the assumed length of the seal."""
     case = results.case
     is_strip = (case.get("seal") or {}).get("kind", "rectangular") == "rectangular"
     has_length = "length" in (case.get("stochastic") or {})
@@ -84,12 +87,12 @@ def seal_name(results: Results) -> str:
 
 
 def verdict_lines(results: Results, verdicts: Sequence[Verdict] | None = None) -> list[str]:
-    """Return each of the `verdict_paragraphs` as a single text."""
+    """Return the paragraphs of `verdict_paragraphs`, each as a single text."""
     return [" ".join(paragraph) for paragraph in verdict_paragraphs(results, verdicts)]
 
 
 class _Answer:
-    """Write the sentences about one run, which all use its leakage curve and its assembly load."""
+    """Write the sentences about a run, based on its leakage curve and its assembly load."""
 
     def __init__(self, results: Results) -> None:
         self.results = results
@@ -107,7 +110,7 @@ class _Answer:
     # --- leakage in usual units ---
 
     def usual_unit(self, value: float) -> LeakUnit:
-        """Return the unit for the leakage of the whole seal: the unit of the case, or one that suits `value` [m²/s]."""
+        """Return the unit for the leakage of the whole seal, which is the unit of the case or suits `value` [m²/s]."""
         basis, asked = self.results.class_basis, self.results.asked_unit
         if asked is not None and not asked.per_length and basis.has(asked):
             return asked
@@ -160,10 +163,10 @@ class _Answer:
     # --- paragraphs ---
 
     def about_class(self, verdict: Verdict, count: int) -> Paragraph:
-        """Say whether a class is met, which load this requires, and how large the deciding leakage is.
+        """Say whether a class is met, how much the seal leaks at the assembly load, and which load the class requires.
 
-        `count` is the number of classes. If there are many classes, the required loads are not described here, because
-        the table contains them.
+        `count` is the number of classes in the verdict. With more than `_MOST_IN_SENTENCES` classes, the sentences on
+        the required loads are left out, because the table of the verdict contains the required loads.
         """
         is_described = count <= _MOST_IN_SENTENCES
         sentences = verdict_sentences(verdict, self.load_text, whole=is_described)
@@ -178,7 +181,7 @@ class _Answer:
         return [sentences[0], f"{leakage}.", *sentences[1:], *self._after_relaxation(verdict)]
 
     def _after_relaxation(self, verdict: Verdict) -> list[str]:
-        """Say which assembly load a class requires if the case states the fraction of the load that is lost later."""
+        """Say which assembly load a class requires, if the case states which fraction of it is lost in service."""
         relaxation = (self.results.case.get("load") or {}).get("relaxation") or 0.0
         if not relaxation:
             return []
@@ -189,7 +192,7 @@ class _Answer:
         ]
 
     def about_leakage(self, with_cycle: bool) -> Paragraph:
-        """Say how much the whole seal leaks at the assembly load, and how this changes over the load cycle."""
+        """Say how much the whole seal leaks at the assembly load, and how the leakage changes over the load cycle."""
         seal = seal_name(self.results)
         subject = f"Leakage of {seal} with {self.fluid}"
         if self.has_test:
@@ -240,7 +243,7 @@ class _Answer:
         return sentences
 
     def about_service(self) -> Paragraph:
-        """Say how much of the fluid in service leaks, if a test fluid decides on the classes."""
+        """Say how much of the service fluid leaks, if the leakage classes are evaluated for a test fluid."""
         results = self.results
         if not self.has_test:
             return []
@@ -264,11 +267,12 @@ class _Answer:
     def about_measures(self, verdicts: Sequence[Verdict]) -> Paragraph:
         """Say which action would narrow the interval most, and which would lower the leakage if a class is not met.
 
-        - If the whole interval meets all classes at the assembly load, say what narrows the interval at a lower load,
-          at which only the computed leakage meets a class.
-        - If only the computed leakage meets all classes, or if there are no classes, say what narrows the interval at
-          the assembly load, and what lowers the leakage.
-        - If the computed leakage does not meet a class, say what lowers the leakage, and how far it must be lowered.
+        - If the 95 % interval at the assembly load meets all classes, say what narrows the interval at a lower load. At
+          this lower load, the computed leakage meets a class, but the upper end of its interval does not.
+        - If the computed leakage at the assembly load meets all classes, but its interval does not, say what narrows
+          the interval and what lowers the leakage. Do the same if no classes are given.
+        - If the computed leakage at the assembly load does not meet a class, say what lowers the leakage, and by which
+          factor the leakage must be lowered.
         """
         if verdicts and all(verdict.met_with_interval for verdict in verdicts):
             return self._narrowing(self._vague_step(verdicts))
@@ -285,9 +289,10 @@ class _Answer:
         return sentences
 
     def _vague_step(self, verdicts: Sequence[Verdict]) -> int | None:
-        """Return the highest load step at which the leakage meets a class, but the upper end of its interval does not.
+        """Return the step on loading with the highest load at which it is uncertain whether a class is met.
 
-        Load steps at which the computed leakage is 0 are left out. The result is None if there is no such step.
+        At this step, the computed leakage is above 0 and meets a class, but the upper end of its 95 % interval does not
+        meet the class. The function returns None if there is no step of this kind.
         """
         for step in falling_steps(self.curve.steps, None).tolist():
             leakage = self.curve.leakage[step]
@@ -297,7 +302,7 @@ class _Answer:
         return None
 
     def _narrowing(self, step: int | None) -> Paragraph:
-        """Describe the action that narrows the interval at a load step most; the list is empty if none is known."""
+        """Describe the action that narrows the 95 % interval at a load step most; empty if no action is known."""
         if step is None:
             return []
         narrowing = best_narrowing(self.results, step)
@@ -345,7 +350,7 @@ class _Answer:
 
 
 def _about_accuracy(results: Results) -> Paragraph:
-    """Say whether the requested accuracy was reached; the list is empty if the case does not ask for one."""
+    """Say whether the requested accuracy was reached; the list is empty if the case requests no accuracy."""
     attempts = results.attempts
     if attempts is None:
         return []
@@ -361,7 +366,7 @@ def _about_accuracy(results: Results) -> Paragraph:
 
 
 def _hints(results: Results, verdicts: Sequence[Verdict]) -> Paragraph:
-    """Name the keys of the case with which missing parts of the verdict would be computed."""
+    """Name keys of the case that would add missing parts to the verdict."""
     hints = []
     if results.budget is None:
         hints.append("The run has no error budget; output.budget = true gives the interval.")
@@ -382,12 +387,12 @@ def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = Tr
     load_text : callable
         Function that converts a nominal pressure [Pa] to text.
     whole : bool
-        True to write the whole verdict, False to leave out the sentences on the required loads.
+        True to state the required loads, False to state only whether the class is met at the assembly load.
 
     Returns
     -------
     list of str
-        Sentences. The first sentence is the answer.
+        Sentences. The first sentence says whether the class is met at the assembly load.
     """
     subject = f"Class {verdict.name} with {verdict.fluid}"
     if verdict.is_own_limit:
@@ -410,7 +415,7 @@ def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = Tr
 
 
 def required_loads(needed: NeededPressure, load_text: LoadText) -> str:
-    """Name the load that the computed leakage requires, and the load that the whole interval requires."""
+    """Say at which loads the computed leakage is within a limit, and at which loads its whole 95 % interval is."""
     as_computed = needed.words(needed.computed, load_text)
     if not needed.has_interval:
         return f"{as_computed} as computed"
@@ -434,7 +439,8 @@ def verdict_table(
 ) -> TextTable:
     """Return a table with a line for each verdict.
 
-    Its columns are the class, its limit, and the required loads, both as computed and with the whole interval.
+    The columns are the class, the limit of the class, and the required loads. Each required load has two columns: for
+    the computed leakage to meet the class, and for the whole 95 % interval to meet the class.
 
     Parameters
     ----------
@@ -443,10 +449,11 @@ def verdict_table(
     verdicts : sequence of Verdict
         Verdicts, at least one.
     more : iterable
-        Heading and texts of each additional column.
+        Additional columns, each as a pair of its heading and its texts.
     names : (str, str)
-        Headings of two kinds of columns: the load that is required to meet a class on loading, and the lowest load at
-        which it is still met on unloading. In the second heading, {} is replaced by the peak of the unloading.
+        Beginnings of two kinds of headings: for the load that is required to meet a class on loading, and for the
+        lowest load on unloading at which a class is still met. The characters {} in the second text are replaced by the
+        load from which the seal is unloaded.
     """
     load_text = short_loads(results)
     columns: list[tuple[str, list[str]]] = [("class", [verdict.name for verdict in verdicts])]
@@ -481,9 +488,9 @@ def _limit_texts(results: Results, verdicts: Sequence[Verdict]) -> list[str]:
 
 
 def _remaining_width(lower: float, upper: float, new_lower: float, new_upper: float) -> float:
-    """Compute the ratio of the width of a narrower interval to that of the present one, both in ln(leakage).
+    """Compute the width of a new interval of ln(leakage), divided by the width of the present interval of ln(leakage).
 
-    The ratio is 0, so that the narrowing counts as large, if one of the intervals has no finite width.
+    The ratio is 0 if the new or the present interval has no finite width.
     """
     ends = (lower, upper, new_lower, new_upper)
     if not all(0 < end < inf for end in ends) or upper <= lower:
