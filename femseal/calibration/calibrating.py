@@ -1,6 +1,7 @@
 """Calibrate a case with a leak test: run a few simulations, interpolate their leakage, and compute the posterior.
 
-A simulation solves the case with one hardness and one shortest wave. In names such as `scenes`, it is called a scene.
+A simulation solves the case with a given hardness and a given shortest wave. In names such as `scenes`, the word scene
+means a simulation.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ from .surrogate import Surrogate
 Range = tuple[float | str, float | str]
 #: Number of the first simulations, which cover the ranges evenly; a power of 2, as the Sobol sequence requires.
 FIRST = 16
-#: Number of simulations in each later round. They are placed where the posterior density is large.
+#: Number of simulations that are added in each later round, where the posterior density is large.
 ADDED = 6
 #: Smallest total number of simulations.
 FEWEST = 10
@@ -87,10 +88,11 @@ def calibrate(
 ) -> Calibration:
     """Estimate hardness, shortest wave and a factor between test and model from a measured leakage curve.
 
-    The shortest wave is the cut-off of the low-pass filter, which removes all shorter waves. A simulation solves the
-    case at the loads of the test, with one hardness and one shortest wave. The first simulations cover the ranges of
-    both quantities evenly (Sobol sequence). Further simulations are added where the posterior density is large. See
-    `calibration.surrogate` for the interpolation between simulations, and `calibration.posterior` for the posterior.
+    The shortest wave is the cut-off wavelength of the low-pass filter, which removes all shorter waves. A simulation
+    solves the case at the loads of the test, with a given hardness and a given shortest wave. The first simulations
+    cover the ranges of hardness and shortest wave evenly (Sobol sequence). Further simulations are added where the
+    posterior density is large. See `calibration.surrogate` for the interpolation between simulations, and
+    `calibration.posterior` for the posterior.
 
     Parameters
     ----------
@@ -99,20 +101,20 @@ def calibrate(
     data : path
         Text file with the leak test, see `calibration.leak_test`.
     output : path, optional
-        Folder for table, picture and data, and for the calibrated case if the case is a file. By default nothing is
-        written.
+        Folder for the table, the picture and the data. If the case is a file, the calibrated case is written to this
+        folder as well. By default, no files are written.
     hardness, shortest_wave, factor : pair of float or str, optional
-        Lower and upper end of the range of each quantity, in SI or as texts with units. The prior is uniform in the
-        logarithm of the quantity, within this range. By default, hardness and shortest wave are between a third of the
-        value of the case and three times this value, and the factor is between 1/5 and 5. No shortest wave is below 8
-        pixels.
+        Lower and upper end of the range of each quantity, in SI units or as texts with units. Within its range, the
+        prior of each quantity is uniform in the logarithm of the quantity. The default ranges of hardness and shortest
+        wave extend from one third to three times the value of the case. The default range of the factor is from 1/5 to
+        5. The range of the shortest wave begins at 8 pixels or above.
     error : float or str
         Relative standard deviation of a measured leakage.
     scenes : int
-        Largest number of simulations.
+        Largest permitted number of simulations.
     resume : bool
-        Whether to use simulations in the folder that an earlier calibration with the same case, test and ranges has
-        completed.
+        Whether to use the simulations in the folder that were completed by an earlier calibration with the same case,
+        test and ranges.
     replace_results : bool
         Whether to replace a finished calibration in the folder.
     workers, scheduler, progress
@@ -125,7 +127,7 @@ def calibrate(
     Raises
     ------
     InputError
-        The case, the test, a range or the folder cannot be used. Nothing has been computed.
+        The case, the test, a range or the folder cannot be used. This error is raised before any computation.
     FemsealError
         Too few simulations succeeded.
 
@@ -165,7 +167,7 @@ def calibrate(
         "content of face files": job.face_files(tested_case),
         "version": numerical_versions(),
     } | job.user_code(tested_case)
-    # There is no digest of a case. The simulations are therefore stored under all data on which their leakage depends.
+    # A case has no digest. The key of a stored simulation therefore contains all data on which its leakage depends.
     key = ("scenes", json.dumps(identity, default=str))
     solve_scene = partial(_solve_scene, tested_case, test.unit, steps)
     memory = forecast(tested_case, prepared).memory
@@ -204,12 +206,12 @@ def calibrate(
 
 
 def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> Array:
-    """Return the ranges of hardness, shortest wave and factor in SI, (3, 2): those that the user gave, or the defaults.
+    """Return the ranges of hardness, shortest wave and factor in SI units, (3, 2), by default around the case.
 
     Raises
     ------
     InputError
-        The upper end of a range is not above the lower one, or the softer solid has no single hardness.
+        The upper end of a range is not above the lower end, or the hardness of the softer solid is not a single number.
     """
     table = getattr(case, case.softer)
     if table.coating is not None:
@@ -255,7 +257,7 @@ def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> A
 
 
 def _given_ends(name: str, ends: Range) -> tuple[float, float]:
-    """Convert both ends of a range, which the user has given, to SI."""
+    """Convert the lower and the upper end of a range that the user has given to SI units."""
     if isinstance(ends, str) or len(ends) != 2:
         raise InputError(name, shown(ends), "the lower and the upper end of a range")
     low, high = (
@@ -265,7 +267,7 @@ def _given_ends(name: str, ends: Range) -> tuple[float, float]:
 
 
 def _check_corners(case: Case, ranges: Array) -> None:
-    """Check that the case can be run with the lowest and the highest hardness and shortest wave (four combinations)."""
+    """Check that the case can be run at the four corners of the ranges of hardness and shortest wave."""
     hardnesses, waves = ranges[:2].tolist()
     for hardness, wave in product(hardnesses, waves):
         corner = with_values(case, hardness, wave)
@@ -288,8 +290,10 @@ def _solve_scene(
 ) -> list[float]:
     """Run one simulation, and return the leakage at some load steps; NaN if the solution failed.
 
-    It is the leakage of the test fluid if the case has one. unit : unit of the returned leakages. steps : indices of
-    the load steps.
+    If the case has a test fluid, the leakage of the test fluid is returned.
+
+    unit : unit of the returned leakages.
+    steps : indices of the load steps.
     """
     log = logging.getLogger("femseal")
     level = log.level
@@ -308,11 +312,12 @@ def _solve_scene(
 
 @dataclass(frozen=True)
 class _Exploration:
-    """The posterior, and the simulations from which it was computed.
+    """Hold the posterior, and the simulations from which the posterior was computed.
 
-    posterior : posterior density. scenes : hardness [Pa] and shortest wave [m] of each simulation (simulations, 2).
+    posterior : posterior density.
+    scenes : hardness [Pa] and shortest wave [m] of each simulation (simulations, 2).
     leakages : leakage of each simulation at each load (simulations, loads), in the unit of the test; NaN where the
-    solution failed.
+        solution failed.
     """
 
     posterior: Posterior
@@ -328,16 +333,16 @@ def _explore(
     error: float,
     most_scenes: int,
 ) -> _Exploration:
-    """Run simulations that cover the ranges evenly, and then further ones where the posterior density is large.
+    """Run simulations that cover the ranges evenly, and then more simulations where the posterior density is large.
 
-    The loop ends as soon as the surrogate is accurate enough where the posterior density is large, or when the largest
-    number of simulations is reached.
+    Simulations are added until the surrogate is accurate enough where the posterior density is large, or until the
+    largest permitted number of simulations is reached.
 
     Parameters
     ----------
     solve_scenes : callable
-        Runs simulations. It takes a list of hardnesses [Pa] and a list of shortest waves [m], and yields the leakages
-        (loads,) of each simulation.
+        Function that runs simulations. Its arguments are a list of hardnesses [Pa] and a list of shortest waves [m],
+        with one value for each simulation. The function yields the leakages (loads,) of each simulation.
     test : LeakTest
         The leak test.
     rows : array of int (rows,)
@@ -372,8 +377,8 @@ def _explore(
         n_left = most_scenes - len(points)
         if n_left <= 0 or surrogate_error < _SMALL_ERROR * error:
             return _Exploration(posterior, to_si_units(points), leakages)
-        # Samples are in random order, so that any consecutive ones are spread over the whole posterior. They begin at
-        # the number of previous simulations, which is different in each round.
+        # The samples are in random order, so that consecutive samples are spread over the whole posterior. The chosen
+        # samples begin at the index len(points), which is different in each round.
         chosen = len(points) + np.arange(min(ADDED, n_left))
         new_points = samples[chosen % len(samples), :2]
 

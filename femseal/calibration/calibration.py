@@ -44,7 +44,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FILE, TABLE, PICTURE = "calibration.json", "calibration.csv", "calibration.png"
-#: A sample lies at an end of a range if its distance from this end is below this fraction of the range, in logarithms.
+#: A sample counts as lying at an end of a range if its distance from the end is below this fraction of the length of
+#: the range, in logarithms.
 _END = 0.03
 #: The range may be too narrow if more than this fraction of the samples lies at one of its ends.
 _MANY_SAMPLES = 0.1
@@ -64,33 +65,34 @@ _AXES_HEIGHT = 2.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration(Plotted):
-    """A calibrated case, see `calibrate`.
+    """Hold the result of a calibration, see `calibrate`.
 
     Parameters
     ----------
     hardness, shortest_wave, factor : Estimate
-        Estimated hardness [Pa], shortest wave [m], and ratio of the measured leakage to the leakage of the model.
+        Median and interval of the hardness [Pa], of the shortest wave [m], and of the ratio of the measured leakage to
+        the leakage of the model.
     prior : dict of Estimate
         Median and range of the prior of each quantity, by its name.
     correlation : array (3, 3)
-        Correlation of the logarithms of the three quantities.
+        Correlation matrix of ln(hardness), ln(shortest wave) and ln(factor) in the posterior.
     samples : array (n, 3)
-        Samples of the posterior in SI.
+        Samples of hardness, shortest wave and factor from the posterior, in SI units.
     density : Posterior
-        Density of the posterior.
+        Posterior density.
     load_unit : str
         SI unit of the loads.
     curve : array (3, rows)
-        Calibrated leakage at the load of each row of the test, in the unit of the test: lower end of its interval,
-        median, and upper end. It is 0 where the seal is sealed.
+        Calibrated leakage at the load of each row of the test, in the unit of the test, and 0 where the seal is sealed.
+        The three rows of the array are the lower end of the interval, the median, and the upper end of the interval.
     scenes : array (n, 2)
         Hardness [Pa] and shortest wave [m] of the simulations.
     leakages : array (n, loads)
         Leakages of the simulations in the unit of the test.
     solid : str
-        Table of the case with the calibrated hardness, "material" or "counter_material".
+        Name of the table of the case that contains the calibrated hardness, "material" or "counter_material".
     notes : tuple of str
-        What to keep in mind about the result.
+        Sentences that warn of an unreliable result, for example if a range is too narrow.
     """
 
     hardness: Estimate
@@ -120,7 +122,7 @@ class Calibration(Plotted):
         cube : array (n, 3)
             Samples of the posterior in the unit cube.
         scenes, leakages : array
-            Hardness and shortest wave of the simulations, and their leakages, see `Calibration`.
+            Hardness and shortest wave of the simulations, and leakages of the simulations, see `Calibration`.
         case : Case
             The case, with the loads of the test.
         """
@@ -153,11 +155,11 @@ class Calibration(Plotted):
 
     @property
     def posterior(self) -> dict[str, Estimate]:
-        """Posterior of the three quantities by name."""
+        """Median and interval of hardness, shortest wave and factor in the posterior, by name."""
         return {name: getattr(self, name) for name in UNITS}
 
     def rows(self) -> list[dict[str, Any]]:
-        """List the rows of the test: load, measured and calibrated leakage in the unit of the test."""
+        """List the load and the measured and calibrated leakage of each row of the test, in the unit of the test."""
         pressures, peaks = pressures_and_peaks(self.test.steps)
         low, median, high = self.curve
         unit = self.test.unit.name
@@ -213,7 +215,7 @@ class Calibration(Plotted):
         return TextTable.of_columns(f"Leakage [{self.test.unit.name}]", columns, names=2)
 
     def table(self) -> Any:
-        """Make both tables for a terminal, for `rich.print`."""
+        """Return an object with the two tables of `tables`, which `rich.print` displays in a terminal."""
         from rich.console import Group
 
         return Group(*self.tables())
@@ -280,10 +282,12 @@ class Calibration(Plotted):
 
 
 def _calibrated_curve(posterior: Posterior, cube: Array) -> Array:
-    """Compute the calibrated leakage for each row of the test: lower end, median and upper end, (3, rows).
+    """Compute the calibrated leakage for each row of the test, with its interval.
 
-    The leakage is 0 where the case is sealed. To include the error of the surrogate, one leakage is drawn at random
-    from the prediction for each sample of the posterior.
+    The error of the surrogate is included: for each sample of the posterior, a random leakage is drawn from the
+    distribution that the surrogate predicts.
+
+    Returns the lower end of the interval, the median and the upper end, array (3, rows); 0 where the case is sealed.
     """
     prediction = posterior.predict(cube)
     rng = np.random.default_rng(2)
@@ -295,7 +299,7 @@ def _calibrated_curve(posterior: Posterior, cube: Array) -> Array:
 
 
 def _notes_on_ranges(cube: Array) -> list[str]:
-    """Make a note for each range that may be too narrow, because many samples lie at one of its ends.
+    """Make a note for each range that may be too narrow, because many samples lie at an end of the range.
 
     cube : samples in the unit cube (n, 3).
     """
@@ -312,7 +316,7 @@ def _notes_on_ranges(cube: Array) -> list[str]:
 
 
 def _notes_on_fit(posterior: Posterior, cube: Array, median: Array) -> list[str]:
-    """Make notes if the calibrated leakage does not fit the test, or is too uncertain.
+    """Make a note if the calibrated leakage does not fit the test, and a note if the surrogate is too inaccurate.
 
     cube : samples of the posterior in the unit cube (n, 3). median : median of the calibrated leakage (rows,).
     """
@@ -341,17 +345,17 @@ def _notes_on_fit(posterior: Posterior, cube: Array, median: Array) -> list[str]
 
 
 def _plain_name(name: str) -> str:
-    """Write the name of a quantity with spaces."""
+    """Return the name of a quantity with spaces in place of underscores."""
     return name.replace("_", " ")
 
 
 def _value_text(name: str, value: float) -> str:
-    """Write the value of a quantity with its unit."""
+    """Return the value of a quantity as text with its unit."""
     return to_text(value, UNITS[name], 3) if UNITS[name] else f"{value:.3g}"
 
 
 def _interval_text(name: str, estimate: Estimate) -> str:
-    """Write the ends of an interval."""
+    """Return the interval of a quantity as text, such as "2 GPa to 3 GPa"."""
     return f"{_value_text(name, estimate.lower)} to {_value_text(name, estimate.upper)}"
 
 
@@ -367,7 +371,7 @@ def _interval_name() -> str:
 def calibration_figure(calibration: Calibration) -> Figure:
     """Draw samples of the posterior, and measured and calibrated leakage against load.
 
-    The first two panels show the shortest wave and the factor of the samples against their hardness.
+    The first two panels show the shortest wave and the factor of the samples as a function of the hardness.
     """
     test = calibration.test
     pressure, peaks = pressures_and_peaks(test.steps)
@@ -410,9 +414,10 @@ def calibration_figure(calibration: Calibration) -> Figure:
 
 
 def _draw_samples(axes: Axes, calibration: Calibration, name: str) -> None:
-    """Draw the samples of the posterior, and their median, in the plane of hardness and another quantity.
+    """Draw the samples of the posterior, and their median, with the hardness on the horizontal axis.
 
-    If the other quantity is the shortest wave, the simulations are drawn as well.
+    `name` is the name of the quantity on the vertical axis. If it is "shortest_wave", the hardness and the shortest
+    wave of the simulations are drawn as well.
     """
     names = list(UNITS)
     columns = [names.index("hardness"), names.index(name)]
@@ -440,7 +445,7 @@ def _draw_samples(axes: Axes, calibration: Calibration, name: str) -> None:
 def calibrated_text(
     tables: dict[str, Any], case_folder: Path, folder: Path, calibration: Calibration
 ) -> str:
-    """Write the case with the calibrated values as TOML.
+    """Return the text of a case file (TOML) with the calibrated hardness and shortest wave.
 
     Parameters
     ----------
@@ -449,9 +454,9 @@ def calibrated_text(
     case_folder : Path
         Folder to which the names of files in the case are relative.
     folder : Path
-        Folder of the new case. The names of files in it become relative to this folder.
+        Folder of the new case. The file names in the new case are relative to this folder.
     calibration : Calibration
-        The calibration; the new case has the medians of its posterior.
+        Calibration whose medians are written into the new case.
     """
     calibrated = {name: _relocate(value, case_folder, folder) for name, value in tables.items()}
     solid = dict(calibrated[calibration.solid])

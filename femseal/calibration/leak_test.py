@@ -20,7 +20,7 @@ from ..seal.seal_files import text_rows
 #: Description of the columns of a leak test, for messages.
 COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row was measured during unloading, branch, unloaded from [MPa]"
 BRANCHES = ("loading", "unloading")
-#: Text of the leakage of a sealed row, and first character of a limit of detection.
+#: Text in place of a leakage if no leakage was detected, and first character of a limit of detection.
 SEALED, BELOW = "sealed", "<"
 #: Fewest different loads at which a leakage must have been measured.
 _FEWEST_LOADS = 3
@@ -41,18 +41,18 @@ _COLUMN_OF_NAME = {
 
 @dataclass(frozen=True, eq=False)
 class LeakTest:
-    """Measured leakages of one seal.
+    """Hold the leakages of a seal that were measured in a leak test.
 
-    A row of the test is one measurement. It is sealed if no leakage was detected.
+    A row of the test is a measurement. A row is called sealed if no leakage was detected.
 
     Parameters
     ----------
     steps : tuple of LoadStep
         Load of each row, in the unit of the loads of the case.
     leakage : array (rows,)
-        Leakage in `unit`; for a sealed row, the limit of detection.
+        Measured leakage of each row in `unit`, or the limit of detection if no leakage was detected.
     sealed : array of bool (rows,)
-        Whether each row is sealed.
+        True for each row in which no leakage was detected.
     unit : LeakUnit
         Unit of the leakage.
     """
@@ -63,7 +63,7 @@ class LeakTest:
     unit: LeakUnit
 
     def of_case(self, case: Case) -> Case:
-        """Return a copy of a case with the loads of the test, and without the output files, which are not needed."""
+        """Return a copy of a case with the loads of the test in place of its loads, and without output files."""
         loading = {step.pressure for step in self.steps if step.unloaded_from is None}
         unloading = {step.pressure for step in self.steps if step.unloaded_from is not None}
         peaks = {step.unloaded_from for step in self.steps if step.unloaded_from is not None}
@@ -94,21 +94,21 @@ class LeakTest:
         )
 
     def rows_of(self, case: Case) -> list[int]:
-        """Return the index of the load step of each row, among the load steps of the case that `of_case` returns."""
+        """Return for each row of the test the index of its load step in the case that `of_case` returns."""
         load = self.of_case(case).load
         programme = LoadProgramme.of(load.loading, load.unload_from, load.unloading)
         return [programme.index(step) for step in self.steps]
 
 
 class _Column(NamedTuple):
-    """Position of a column among all columns, and the factor that converts its values to the unit of the case."""
+    """Hold the index of a column in the file, and the factor that converts its values to the unit of the case."""
 
     position: int
     factor: float
 
 
 class _Leakage(NamedTuple):
-    """Leakage of a row. For a sealed row, it is the limit of detection, or NaN if the file does not give one."""
+    """Hold the leakage of a row, or its limit of detection (NaN if not given) if no leakage was detected."""
 
     value: float
     is_sealed: bool
@@ -117,9 +117,9 @@ class _Leakage(NamedTuple):
 def read_leak_test(path: Path, case: Case) -> LeakTest:
     """Read the leak test of a seal from a text file with columns.
 
-    The first line that is not a comment (#) contains the names and units of the columns, see `COLUMNS`. A leakage is a
-    number, "sealed", or a limit of detection such as "< 0.1". If a row only says "sealed", its limit of detection is
-    the smallest measured leakage.
+    The first line that is not a comment (#) contains the names and units of the columns, see `COLUMNS`. A leakage in
+    the file is a number, "sealed", or a limit of detection such as "< 0.1". If a row only says "sealed", its limit of
+    detection is the smallest measured leakage.
 
     Parameters
     ----------
@@ -135,8 +135,8 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
     Raises
     ------
     InputError
-        The file cannot be read, a column or a unit is unknown or missing, or some rows cannot be used. The message
-        has a line for each fault, with the number of the line in the file.
+        The file cannot be read, a column or a unit is unknown or missing, or a row is faulty. The message has a line
+        for each fault, with the number of the line in the file.
     """
     # number, text and cells of each line; the first one contains the headings
     (_, _, heads), *lines = text_rows(path, "data")
@@ -172,7 +172,7 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
 def _read_heads(heads: list[str], case: Case) -> tuple[dict[str, _Column], LeakUnit]:
     """Read the headings of the columns.
 
-    Returns the position and the factor of each column, by its quantity, and the unit of the leakage.
+    Returns the index and the factor of each column, by the quantity in the column, and the unit of the leakage.
     """
     columns: dict[str, _Column] = {}
     unit_of_leakage: LeakUnit | None = None
@@ -198,9 +198,9 @@ def _read_heads(heads: list[str], case: Case) -> tuple[dict[str, _Column], LeakU
 
 
 def _leakage_unit(name: str, head: str, case: Case) -> LeakUnit:
-    """Return the leakage unit of this name. Raise InputError if it cannot be used for the fluid of the test.
+    """Return the leakage unit with the given name; raise InputError if it does not suit the fluid of the leak test.
 
-    head : heading of the column, for the message.
+    head : heading of the column of the leakage, for the error message.
     """
     unit = leak_unit(name)
     fluid = (case.output.test_fluid or case.fluid).fluid
@@ -228,7 +228,7 @@ def _read_step(cells: list[str], columns: dict[str, _Column], case: Case) -> Loa
     unit = case.load.unit
 
     def read_load(column: str, what: str) -> float:
-        """Read a load from a column, and convert it to the unit of the case. what : its name, for messages."""
+        """Read a load from a column, and convert it to the unit of the case; `what` names the load in messages."""
         text = cells[columns[column].position].strip()
         number = _read_number(text, what, "a number >= 0") * columns[column].factor
         # equal loads must be equal numbers, so the rounding errors of the conversion of units are removed

@@ -1,10 +1,11 @@
 """Compute the posterior of hardness, shortest wave and factor from a leak test, by Bayes' rule.
 
-The measured leakage is the factor times the leakage of the model. ln(measured) is normally distributed around
-ln(factor) + ln(model). Its variance has two parts: the variance of the test, whose errors are independent of each
-other, and the variance of the surrogate, whose errors are correlated between loads. A row of the test is sealed if no
-leakage was detected. There the model must be sealed as well, or leak less than the limit of detection. The prior of
-each quantity is uniform in its logarithm, within the range of the quantity.
+The measured leakage is assumed to be the factor times the leakage of the model. ln(measured leakage) is normally
+distributed with the mean ln(factor) + ln(leakage of the model). The covariance of ln(measured leakage) at several loads
+is the sum of two parts: the errors of the test, which are independent of each other, and the errors of the surrogate,
+which are correlated between loads. If no leakage was detected at a load, the leak test has a sealed row. For a sealed
+row, the model must be sealed as well, or leak less than the limit of detection. The prior of each quantity is uniform
+in the logarithm of the quantity, within a given range.
 """
 
 from __future__ import annotations
@@ -21,24 +22,24 @@ from .surrogate import Prediction, Surrogate
 
 #: Units of the calibrated quantities, in the order of all arrays.
 UNITS = {"hardness": "Pa", "shortest_wave": "m", "factor": ""}
-#: Index of the factor among these quantities.
+#: Index of the factor among the calibrated quantities.
 _FACTOR = 2
 #: Probability that the intervals of the calibrated quantities contain the true value.
 PROBABILITY = 0.9
 #: Fraction of the probability that may be neglected when only the most probable squares are divided further.
 _NEGLECTED_PROBABILITY = 1e-4
-#: Number of slabs into which each square is divided along ln(factor).
+#: Number of slabs along ln(factor) for each square of the plane of hardness and shortest wave, see `Posterior.samples`.
 _SLABS = 24
-#: Distance of the first and the last slab from the mean of ln(factor), in its standard deviations.
+#: Distance of the first and the last slab from the mean of ln(factor), in standard deviations of ln(factor).
 _SLAB_RANGE = 4.5
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Median and interval of a quantity in SI.
+    """Hold the median and the interval of a calibrated quantity in SI units.
 
-    The interval contains the quantity with the probability `PROBABILITY`. Among all such intervals, it is the shortest
-    one on a logarithmic scale.
+    The interval is the shortest interval on a logarithmic scale that contains the quantity with the probability
+    `PROBABILITY`.
     """
 
     median: float
@@ -47,7 +48,7 @@ class Estimate:
 
     @classmethod
     def from_samples(cls, values: Array) -> Estimate:
-        """Estimate a positive quantity from samples (n,)."""
+        """Compute the median and the interval of a quantity above 0 from samples of its posterior (n,)."""
         ordered = np.sort(values)
         # the candidates are all intervals that begin and end at a sample and contain `count` samples
         count = int(np.ceil(PROBABILITY * len(ordered)))
@@ -59,24 +60,24 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class FactorDensity:
-    """Posterior density of ln(factor) at several pairs of hardness and shortest wave.
+    """Hold the posterior density of ln(factor) for several pairs of hardness and shortest wave.
 
-    The rows of the test with a leakage give a normal density. The posterior density is the product of this normal
-    density and of the probabilities of the sealed rows.
+    The posterior density is a product of two terms: a normal density of ln(factor), which follows from the measured
+    leakages, and the probabilities of the sealed rows of the test.
 
     Parameters
     ----------
     mean, deviation : array (pairs, 1)
-        Mean and standard deviation of the normal density.
+        Mean and standard deviation of ln(factor) in the normal density.
     misfit : array (pairs, 1)
-        Sum of the squares of the standardised residuals of the rows with a leakage. The residuals are those at the most
-        probable factor, ln(factor) = mean.
+        Sum of the squares of the standardised residuals ln(measured leakage) − ln(model) − mean, over the rows of the
+        test with a leakage.
     log_scale : array (pairs, 1)
-        Part of ln(density) that depends neither on the residuals nor on the factor.
+        Part of ln(density) that depends neither on `misfit` nor on the factor.
     sealed_limit : array (pairs, sealed rows)
         ln(limit of detection) − ln(leakage of the model) for each sealed row.
     sealed_deviation : array (pairs, sealed rows)
-        Standard deviation of `sealed_limit`.
+        Standard deviation of ln(limit of detection) − ln(leakage of the model) for each sealed row.
     sealed_is_open : array (pairs, sealed rows)
         Probability that the model leaks at the load of each sealed row.
     """
@@ -93,7 +94,8 @@ class FactorDensity:
         """Compute ln(density), up to a constant, at m values of ln(factor) for each pair, (pairs, m).
 
         ln(density) is log_scale − (misfit + ((ln(factor) − mean)/deviation)²)/2, plus the logarithm of the probability
-        of each sealed row. This is the probability that the model does not leak more than the limit of detection.
+        of each sealed row. The probability of a sealed row is the probability that the factor times the leakage of the
+        model does not exceed the limit of detection.
         """
         standardised = (log_factor - self.mean) / self.deviation
         log_density = self.log_scale - 0.5 * (self.misfit + standardised**2)
@@ -107,21 +109,21 @@ class FactorDensity:
 
 @dataclass(frozen=True, eq=False)
 class _Slabs:
-    """Grid over the posterior density: small squares in the plane of hardness and shortest wave, divided into slabs.
+    """Hold a grid over the posterior density, whose cells are called slabs.
 
-    The squares are parts of the unit square of hardness and shortest wave. Each square is divided into slabs of equal
-    width along the third axis, ln(factor).
+    The unit square of hardness and shortest wave is divided into small squares. Above each small square, the range of
+    ln(factor) is divided into slabs of equal width.
 
     Parameters
     ----------
     centres : array (squares, 2)
-        Centres of the squares.
+        Centres of the small squares, as points of the unit square.
     n_along_side : int
-        Number of squares of this size along a side of the unit square.
+        Number of small squares that would fit along a side of the unit square.
     first, last : array (squares, 1)
-        Ends of the range of ln(factor) that the slabs of each square cover.
+        Lowest and highest value of ln(factor) that the slabs above each small square cover.
     probability : array (squares, slabs)
-        Probability of every slab, up to a constant.
+        Posterior probability of each slab, up to a constant factor.
     """
 
     centres: Array
@@ -133,10 +135,10 @@ class _Slabs:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """Posterior density in the unit cube.
+    """Compute and sample the posterior density in the unit cube.
 
-    The coordinates of the cube are the logarithms of the three quantities, scaled so that 0 and 1 are the ends of the
-    ranges.
+    The three coordinates of the unit cube are the logarithms of hardness, shortest wave and factor, scaled so that the
+    range of each quantity becomes the interval from 0 to 1.
 
     Parameters
     ----------
@@ -145,7 +147,7 @@ class Posterior:
     rows : list of int
         For each row of the test, the index of its load among the loads of the surrogate.
     ranges : array (3, 2)
-        Lower and upper end of the range of each quantity in SI.
+        Lower and upper end of the range of hardness, shortest wave and factor, in SI units.
     surrogate : Surrogate
         Prediction of the leakage of the model.
     error : float
@@ -159,28 +161,28 @@ class Posterior:
     error: float
 
     def quantities(self, cube: Array) -> Array:
-        """Convert points of the unit cube (n, 3) to the quantities in SI (n, 3)."""
+        """Convert points of the unit cube (n, 3) to hardness, shortest wave and factor in SI units (n, 3)."""
         low, high = np.log(self.ranges).T
         return np.asarray(np.exp(low + cube * (high - low)))
 
     def predict(self, cube: Array) -> Prediction:
-        """Predict the leakage for every row of the test at points of the unit cube (n, 3), including the factor."""
+        """Predict the factor times the leakage of the model for every row of the test, at points of the cube (n, 3)."""
         model = self._predict_rows(cube[:, :2])
         log_factor = np.log(self.quantities(cube)[:, 2:])
         return Prediction(model.mean + log_factor, model.deviation, model.is_open)
 
     def _predict_rows(self, plane: Array) -> Prediction:
-        """Predict the leakage of the model for every row of the test, without the factor.
+        """Predict the leakage of the model for every row of the test, not multiplied by the factor.
 
-        plane : pairs of hardness and shortest wave as points of the unit square (pairs, 2).
+        plane : pairs of hardness and shortest wave, scaled to points of the unit square, array (pairs, 2).
         """
         mean, deviation, is_open = self.surrogate.predict(plane)
         return Prediction(mean[:, self.rows], deviation[:, self.rows], is_open[:, self.rows])
 
     def factor_density(self, plane: Array) -> FactorDensity:
-        """Compute the posterior density of ln(factor) at points of the unit square of hardness and shortest wave.
+        """Compute the posterior density of ln(factor) for several pairs of hardness and shortest wave.
 
-        plane : points of the unit square (pairs, 2).
+        plane : pairs of hardness and shortest wave, scaled to points of the unit square, array (pairs, 2).
         """
         mean, deviation, is_open = self._predict_rows(plane)
         is_sealed = self.test.sealed
@@ -192,8 +194,8 @@ class Posterior:
         surrogate_covariance = correlation * errors[:, :, None] * errors[:, None]
         covariance = surrogate_covariance + self.error**2 * np.eye(len(loads))  # (pair, row, row)
         # Generalised least squares: ln(factor) is the constant c that is fitted to the residuals r, with the covariance
-        # C = LLᵀ. With the solutions of L a = r and L b = 1, it is the ordinary least-squares problem a = c b. Its
-        # solution is c = b·a / b·b, with the standard deviation (b·b)^(-1/2).
+        # C = LLᵀ. With the solutions `a` of L a = r and `b` of L b = 1, the ordinary least-squares problem a = c b has
+        # the solution c = b·a / b·b, with the standard deviation (b·b)^(-1/2).
         root = np.linalg.cholesky(covariance)
         columns = np.stack([residuals[:, leaks], np.ones_like(errors)], axis=-1)
         white_columns = np.linalg.solve(root, columns)
@@ -217,14 +219,15 @@ class Posterior:
     def samples(self, count: int) -> Array:
         """Draw quasi-random samples of the posterior in the unit cube.
 
-        The unit square of hardness and shortest wave is divided into small squares, four for each sample. If the most
-        probable quarter of the squares contains nearly all of the probability, the other squares are dropped, and the
-        remaining ones are divided into four. This is repeated until the probability is spread over more squares. Each
-        square is then divided into slabs along ln(factor). For each sample, a Sobol sequence chooses a slab and a point
-        in it.
+        The unit square of hardness and shortest wave is divided into small squares, four times as many as samples. If
+        a quarter of the small squares contains nearly all of the probability, all other small squares are dropped, and
+        each remaining small square is divided into four. This refinement is repeated until the probability is spread
+        over more than a quarter of the small squares. Above each small square, the range of ln(factor) is divided into
+        slabs. For each sample, a Sobol sequence chooses a slab, according to the probabilities of the slabs, and a
+        point in the chosen slab.
 
-        The samples hardly depend on rounding errors: if the last digits of the density change, few samples move, and
-        they only move to a neighbouring square. In a Markov chain, all later samples would change.
+        The samples are insensitive to rounding errors. If the last digits of the density change, few samples move, and
+        only to a neighbouring square. With a Markov chain, rounding errors would change all later samples.
 
         Parameters
         ----------
@@ -236,8 +239,8 @@ class Posterior:
         array (count, 3)
         """
         slabs = self._probable_slabs(4 * count)
-        # Each sample has four random numbers from 0 to 1. The first one chooses the slab. The other ones are the
-        # position in the slab along hardness, shortest wave and ln(factor).
+        # Each sample has four random numbers from 0 to 1. The first number chooses the slab. The other three numbers
+        # are the position in the slab along hardness, shortest wave and ln(factor).
         random = qmc.Sobol(4, rng=np.random.default_rng(1)).random_base2(count.bit_length() - 1)
         # a slab is chosen where the cumulative probability of all slabs reaches the first random number
         cumulative = np.cumsum(slabs.probability) / slabs.probability.sum()
@@ -251,9 +254,9 @@ class Posterior:
         return np.c_[plane, (log_factor - low) / (high - low)]
 
     def _probable_slabs(self, least_count: int) -> _Slabs:
-        """Divide the unit square of hardness and shortest wave into small squares with slabs, see `samples`.
+        """Divide the unit square of hardness and shortest wave into small squares, and these into slabs, see `samples`.
 
-        least_count : approximate smallest number of squares.
+        least_count : smallest number of small squares, approximately.
         """
         n_along_side = round(least_count**0.5)
         # (square, axis): the squares are numbered row by row
@@ -273,10 +276,13 @@ class Posterior:
             centres = (centres[best, None] + to_quarters).reshape(-1, 2)
 
     def _slabs(self, centres: Array, n_along_side: int) -> _Slabs:
-        """Divide squares with these centres (squares, 2) into slabs along ln(factor).
+        """Divide the range of ln(factor) above small squares into slabs, and compute their probabilities.
 
-        The slabs extend to `_SLAB_RANGE` standard deviations on both sides of the mean of ln(factor), but not beyond
-        the range of the factor.
+        The slabs cover the values of ln(factor) within `_SLAB_RANGE` standard deviations of its mean, as far as these
+        values lie in the range of the factor.
+
+        centres : centres of the small squares (squares, 2).
+        n_along_side : number of small squares that would fit along a side of the unit square.
         """
         low, high = np.log(self.ranges[_FACTOR])
         density = self.factor_density(centres)

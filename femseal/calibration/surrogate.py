@@ -1,23 +1,23 @@
 """Interpolate the leakage between simulations by Gaussian processes.
 
-A simulation solves the case with one hardness and one shortest wave. This pair of values is a point of the unit square.
-A Gaussian process models the cube root of the leakage at each load. When a channel closes, the cube root of its leakage
-is proportional to its gap. The interpolation error of the cube root is therefore about as large near sealing as far
-from it. The process is the sum of
+A simulation solves the case with a given hardness and a given shortest wave. The hardness and the shortest wave of a
+simulation are scaled to a point of the unit square. At each load, a Gaussian process models the cube root of the
+leakage. The cube root is used because the leakage of a closing channel is proportional to the cube of its gap, so that
+the cube root is a smooth function near sealing. The Gaussian process is the sum of
 
 - a linear trend,
 - a smooth process, with a squared exponential covariance, and
-- a rough process, whose covariance along the last axis, the shortest wave, is exponential, exp(−r). It describes jumps
-  of the leakage. Such jumps occur because a single wave can open or close a channel when the low-pass filter removes
-  it.
+- a rough process, whose covariance along the last axis, the shortest wave, is exponential, exp(−r). The rough process
+  describes jumps of the leakage as a function of the shortest wave. The leakage jumps if the low-pass filter removes a
+  wave that opens or closes a channel.
 
-The correlation lengths and the relative amplitudes of these processes are the same for all loads. They maximise the
-posterior density with weak priors. Each load has its own scale (Rasmussen and Williams, Gaussian Processes for Machine
-Learning, 2006, sections 2.2, 2.7 and 5.4; Conti and O'Hagan, J Stat Plan Inference 140, 2010, section 2). Simulations
-without leakage are left out of this fit.
+The correlation lengths and the relative amplitudes of the smooth and the rough process are common to all loads, and
+maximise the posterior density with weak priors. The absolute amplitude is different for each load (Rasmussen and
+Williams, Gaussian Processes for Machine Learning, 2006, sections 2.2, 2.7 and 5.4; Conti and O'Hagan, J Stat Plan
+Inference 140, 2010, section 2). Simulations without leakage are not used to fit the leakage.
 
-A second Gaussian process predicts whether the seal leaks. It is fitted by least squares to the class of each
-simulation: 1 if the seal leaks, −1 if it is sealed (Rasmussen and Williams, section 6.5).
+A second Gaussian process predicts whether the seal leaks. The second process is fitted by least squares to the value 1
+for each simulation that leaks, and −1 for each sealed simulation (Rasmussen and Williams, section 6.5).
 """
 
 from __future__ import annotations
@@ -36,10 +36,10 @@ from ..base import Array, Flags, Indices
 _TREND_VARIANCE = 25.0
 #: Variance that is added because of rounding, relative to the variance of the values.
 _ROUNDING_VARIANCE = 1e-8
-#: Priors of ln(amplitude) and ln(correlation length): their medians (process, parameter). The first process is the
-#: smooth one, the second one the rough one.
+#: Medians of the priors of ln(amplitude) and ln(correlation length), axes: process, parameter. The first row is for the
+#: smooth process, and the second row is for the rough process.
 _PRIOR_MEDIANS = np.log([[0.5, 1.0], [0.05, 0.3]])
-#: Standard deviations of these priors (process, parameter).
+#: Standard deviations of the priors of ln(amplitude) and ln(correlation length), axes: process, parameter.
 _PRIOR_DEVIATIONS = np.array([[1.5, 0.7], [1.5, 1.0]])
 #: Decimals to which ln(amplitude) and ln(correlation length) are rounded, so that the results do not depend on the last
 #: digits of the fit.
@@ -48,9 +48,10 @@ _PARAMETER_DECIMALS = 3
 FEWEST = 6
 #: Limit of the predicted probabilities: the probability that the seal leaks is never closer than this to 0 or 1.
 LEAST = 1e-3
-#: Standard deviation of ln(leakage) if nothing is known.
+#: Standard deviation of ln(leakage) at a load at which too few simulations leak for a prediction.
 _UNKNOWN_DEVIATION = 30.0
-#: Standard deviation of the predicted class (1: leaks, −1: sealed) that remains even after very many simulations.
+#: Standard deviation of the predicted value for leaking (1) or sealed (−1) that remains even after very many
+#: simulations.
 _CLASS_DEVIATION = 0.2
 
 
@@ -58,7 +59,8 @@ _CLASS_DEVIATION = 0.2
 class _Solution:
     """Solution of K w = y for each of the k columns y of the values (n, k), with the covariance K = LLᵀ (n, n).
 
-    log_root_determinant : ln|L|. whitening : L⁻¹ (n, n). weights : w = K⁻¹y (n, k). squares : yᵀK⁻¹y (k,).
+    log_root_determinant : ln|L|, half of ln|K|. whitening : L⁻¹ (n, n). weights : w = K⁻¹y (n, k). squares : yᵀK⁻¹y
+        (k,).
     """
 
     log_root_determinant: float
@@ -68,7 +70,10 @@ class _Solution:
 
 
 def _solve(covariance: Array, values: Array) -> _Solution:
-    """Solve K w = y for each column y of standardised values (n, k), with the Cholesky factor L of the covariance K."""
+    """Solve K w = y by the Cholesky factor of the covariance K (n, n), for each column y of the values (n, k).
+
+    The values must be standardised: each column has the mean 0 and the standard deviation 1.
+    """
     rounding = _ROUNDING_VARIANCE * (1 + _TREND_VARIANCE)
     root = np.linalg.cholesky(covariance + rounding * np.eye(len(covariance)))
     whitening = solve_triangular(root, np.eye(len(root)), lower=True)
@@ -83,9 +88,10 @@ def _solve(covariance: Array, values: Array) -> _Solution:
 
 
 def _covariance(parameters: Array, a: Array, b: Array) -> Array:
-    """Compute the covariance (m, n) between points a (m, dimensions) and b (n, dimensions).
+    """Compute the prior covariance (m, n) between the points `a` (m, dimensions) and the points `b` (n, dimensions).
 
-    parameters : ln(amplitude) and ln(correlation lengths) of the smooth process, and then those of the rough process.
+    parameters : ln(amplitude) and ln(correlation lengths) of the smooth process, then ln(amplitude) and ln(correlation
+        lengths) of the rough process.
     """
     # (process, 1, 1, parameter)
     amplitudes_and_lengths = np.exp(parameters).reshape(2, 1, 1, -1)
@@ -108,16 +114,17 @@ def _standardise(values: Array) -> tuple[Array, Array]:
 
 
 class Process:
-    """Gaussian processes with common correlation lengths, each with its own mean and scale.
+    """Model k quantities by Gaussian processes with common correlation lengths and different means and scales.
 
     Parameters
     ----------
     parameters : array (2 × (1 + dimensions),)
-        ln(amplitude) and ln(correlation lengths) of the smooth process, and then those of the rough process.
+        ln(amplitude) and ln(correlation lengths) of the smooth process, then ln(amplitude) and ln(correlation lengths)
+        of the rough process.
     points : array (n, dimensions)
-        Points in the unit cube.
+        Points in the unit cube at which the quantities are known.
     values : array (n, k)
-        Values of the k processes at the points.
+        Values of the k quantities at the points.
     """
 
     def __init__(self, parameters: Array, points: Array, values: Array) -> None:
@@ -129,15 +136,16 @@ class Process:
         solution = _solve(_covariance(parameters, points, points), standardised)
         self._whitening = solution.whitening
         self._weights = deviations * solution.weights
-        # standard deviation of the Student distribution, which replaces the normal one because its scale is unknown
+        # standard deviation of Student's distribution, which replaces the normal distribution because the scale is
+        # unknown
         degrees_of_freedom = max(len(points) - points.shape[1] - 3, 1)
         self._scale = deviations * np.sqrt(solution.squares / degrees_of_freedom)
 
     def predict(self, points: Array) -> tuple[Array, Array]:
-        """Predict the mean and the standard deviation of the k processes at points (m, dimensions).
+        """Predict the mean and the standard deviation of the k quantities at points (m, dimensions).
 
-        Both are arrays (m, k), from the usual formulas of a Gaussian process (Rasmussen and Williams, equations 2.25
-        and 2.26).
+        The mean and the standard deviation are arrays (m, k). They follow from the usual formulas of a Gaussian process
+        (Rasmussen and Williams, equations 2.25 and 2.26).
         """
         covariance = _covariance(self._parameters, points, self._points)  # (m, n)
         mean = self._mean + covariance @ self._weights
@@ -154,9 +162,10 @@ class Process:
     def leave_one_out_errors(self) -> Array:
         """Compute the standardised errors (n, k) of leave-one-out prediction.
 
-        Each value is predicted from all others, and its error is divided by the standard deviation of the prediction.
-        With the weights w = K⁻¹y, the error of value i is w_i / (K⁻¹)_ii, and the standard deviation is (K⁻¹)_ii^(-1/2)
-        (Rasmussen and Williams, equation 5.12). The standardised error is therefore w_i / (K⁻¹)_ii^(1/2).
+        The value at each point is predicted from the values at all other points, and the error of the prediction is
+        divided by the standard deviation of the prediction. With the weights w = K⁻¹y, the error of the prediction at
+        point i is w_i / (K⁻¹)_ii, and its standard deviation is (K⁻¹)_ii^(-1/2) (Rasmussen and Williams, equation
+        5.12). The standardised error at point i is the ratio w_i / (K⁻¹)_ii^(1/2).
         """
         precision = (self._whitening**2).sum(
             0
@@ -166,23 +175,24 @@ class Process:
 
 @dataclass(frozen=True)
 class _Data:
-    """Values (n, k) at points (n, dimensions) of the unit cube."""
+    """Hold the values (n, k) of k quantities at points (n, dimensions) of the unit cube."""
 
     points: Array
     values: Array
 
 
 def _fit_processes(data_sets: list[_Data]) -> list[Process]:
-    """Fit Gaussian processes to several sets of data.
+    """Fit Gaussian processes with common amplitudes and correlation lengths to several sets of data.
 
-    All sets share the same amplitudes and correlation lengths, which maximise the posterior density. The mean, the
-    trend and the scale of each column y of values are unknown, and the density is integrated over them. Up to a
-    constant, this gives
+    The amplitudes and correlation lengths maximise the posterior density. The mean, the trend and the scale of each
+    column y of the values are unknown, and the posterior density is integrated over the mean, the trend and the scale.
+    Up to a constant, the negative logarithm of the integrated posterior density is
 
-        −ln(density) = Σ ((parameter − median) / deviation)² / 2 + Σ (ν/2 ln(yᵀK⁻¹y) + ln|L|)
+        −ln(density) = Σ ((parameter − median) / deviation)² / 2 + Σ (ν/2 ln(yᵀK⁻¹y) + ln|L|).
 
-    where the first sum is over the parameters, with their priors, and the second one over all columns of all sets. The
-    number of degrees of freedom is ν = n − dimensions − 1 for n points.
+    The first sum is over the parameters, which are ln(amplitude) and ln(correlation length), with the median and the
+    standard deviation of their prior. The second sum is over the columns y of all sets of data, with the covariance
+    K = LLᵀ. The number of degrees of freedom is ν = n − dimensions − 1 for n points.
     """
     if not data_sets:
         return []
@@ -198,7 +208,7 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
         standardised_sets.append(_Data(data.points, standardised_values))
 
     def negative_log_posterior(parameters: Array) -> float:
-        """Compute −ln(density) of the parameters, up to a constant, by the formula above."""
+        """Compute −ln(density) of the parameters, up to a constant, by the formula in `_fit_processes`."""
         total = 0.5 * (((parameters - medians) / deviations) ** 2).sum()
         for data in standardised_sets:
             covariance = _covariance(parameters, data.points, data.points)
@@ -226,9 +236,9 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
 
 @dataclass(frozen=True)
 class _LoadGroup:
-    """Loads at which the same simulations leak.
+    """Hold a group of loads, at each of which exactly the same simulations leak.
 
-    loads : indices of the loads. simulations : indices of the simulations that leak at these loads.
+    loads : indices of the loads in the group. simulations : indices of the simulations that leak at the loads.
     """
 
     loads: list[int]
@@ -236,7 +246,9 @@ class _LoadGroup:
 
 
 def _group_loads(is_open: Flags) -> list[_LoadGroup]:
-    """Group the loads at which the same simulations leak. Loads with fewer than `FEWEST` such simulations are left out.
+    """Group the loads so that exactly the same simulations leak at all loads of a group.
+
+    A load at which fewer than `FEWEST` simulations leak belongs to no group.
 
     is_open : array of bool (simulations, loads), whether each simulation leaks at each load.
     """
@@ -253,12 +265,12 @@ def _group_loads(is_open: Flags) -> list[_LoadGroup]:
 
 
 class Prediction(NamedTuple):
-    """Prediction of the surrogate at several points.
+    """Hold the leakage that the surrogate predicts at several points and loads.
 
     Parameters
     ----------
     mean, deviation : array (points, loads)
-        Median and standard deviation of ln(leakage), provided that the seal leaks.
+        Median and standard deviation of ln(leakage), under the condition that the seal leaks.
     is_open : array (points, loads)
         Probability that the seal leaks.
     """
@@ -269,7 +281,7 @@ class Prediction(NamedTuple):
 
 
 class _ProcessAtLoads(NamedTuple):
-    """Gaussian processes of a quantity at several loads, with the indices of these loads."""
+    """Hold the indices of several loads, and the Gaussian processes of a quantity at these loads."""
 
     loads: list[int]
     process: Process
@@ -277,21 +289,20 @@ class _ProcessAtLoads(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Surrogate:
-    """Prediction of the leakage at several loads, interpolated between simulations.
+    """Predict the leakage at several loads by interpolation between simulations.
 
     Parameters
     ----------
     leakage : tuple of _ProcessAtLoads
-        Processes of the cube root of the leakage, one entry for each group of loads at which the same simulations leak.
-        Loads at which too few simulations leak belong to no group.
+        Gaussian processes of the cube root of the leakage, one entry for each group of loads, see `_group_loads`.
     open : _ProcessAtLoads, optional
-        Processes of the class of a simulation (1: leaks, −1: sealed), at the loads at which some simulations leak and
-        others are sealed. None if there is no such load.
+        Gaussian processes that predict 1 if the seal leaks and −1 if the seal is sealed. They belong to the loads at
+        which some simulations leak and others are sealed. None if the simulations agree at every load.
     common_class : array (loads,)
-        Class of the first simulation at each load. At the loads that are not in `open`, all simulations have this
-        class.
+        1 if the first simulation leaks at a load, −1 if the first simulation is sealed. At loads that are not in
+        `open`, all simulations have the value of the first simulation.
     correlation : array (loads, loads)
-        Correlation of the prediction errors at two loads.
+        Correlation between the prediction errors of ln(leakage) at two loads.
     """
 
     leakage: tuple[_ProcessAtLoads, ...]
@@ -308,7 +319,7 @@ class Surrogate:
         points : array (simulations, dimensions)
             Hardness and shortest wave of each simulation, as a point of the unit square.
         leakage : array (simulations, loads)
-            Leakages, 0 where the seal is sealed.
+            Leakage of each simulation at each load, 0 where the seal is sealed.
         """
         is_open = leakage > 0
         groups = _group_loads(is_open)
@@ -339,8 +350,9 @@ class Surrogate:
     def predict(self, points: Array) -> Prediction:
         """Predict the leakage at points (points, dimensions) of the unit cube.
 
-        The seal leaks if its class is above 0. The predicted class is normally distributed, so that the probability of
-        a leakage is Φ(mean / deviation) with the normal distribution function Φ.
+        The Gaussian processes in `open` predict a value above 0 if the seal leaks. The predicted value is normally
+        distributed, so that the probability that the seal leaks is Φ(mean / deviation), with the mean and the standard
+        deviation of the predicted value and the normal distribution function Φ.
         """
         shape = len(points), len(self.common_class)
         mean = np.zeros(shape)
@@ -359,14 +371,15 @@ class Surrogate:
 def _correlation(errors: Array) -> Array:
     """Estimate the correlation between the prediction errors at each pair of loads.
 
-    With few simulations the estimate is uncertain, and the correlations are therefore reduced by 5 %. Without this
-    reduction, the covariance matrix could be singular, and some combination of the loads would seem to be known
-    exactly.
+    With few simulations, the estimated correlations are uncertain. The correlations are reduced by 5 %, because the
+    covariance matrix of the prediction errors could otherwise be singular. A singular covariance matrix would mean that
+    some combination of the leakages at several loads is known exactly.
 
     Parameters
     ----------
     errors : array (simulations, loads)
-        Errors of the leave-one-out predictions. Their expectation is 0, so that no mean is subtracted.
+        Standardised errors of the leave-one-out predictions, whose expectation is 0. The correlations are computed
+        without subtracting a mean.
 
     Returns
     -------
@@ -381,22 +394,22 @@ def _correlation(errors: Array) -> Array:
 def _logarithm(mean: Array, deviation: Array) -> tuple[Array, Array]:
     """Compute the distribution of ln(leakage) from the mean and the deviation of the cube root of the leakage.
 
-    The cube root x is normally distributed. The distribution is truncated at 0, because x is positive if the seal
-    leaks. The quantile of x at the probability Φ(s) is then deviation (r − Φ⁻¹(Φ(r) Φ(−s))), with the normal
-    distribution function Φ and r = mean/deviation. The
-    quantile of ln(leakage) at the same probability is 3 ln(x), because the leakage is x³.
+    Let x be the cube root of the leakage. The distribution of x is a normal distribution that is truncated at 0,
+    because x is positive if the seal leaks. Let Φ be the normal distribution function, and r = mean/deviation. The
+    quantile of x at the probability Φ(s) is deviation (r − Φ⁻¹(Φ(r) Φ(−s))). The quantile of ln(leakage) at the
+    probability Φ(s) is 3 ln(x), with this quantile x.
 
     Returns
     -------
     median, deviation : array
-        Median of ln(leakage), and half the distance between the quantiles for s = −1 and s = 1, which is the standard
-        deviation if ln(leakage) is normally distributed.
+        Median and standard deviation of ln(leakage). The standard deviation is half the distance between the quantiles
+        for s = −1 and s = 1, as for a normal distribution of ln(leakage).
     """
     # for smaller ratios, the difference in `quantile` would lose its digits
     ratio = np.maximum(mean / deviation, -1e3)
 
     def quantile(normal_score: float) -> Array:
-        """Return the quantile of ln(leakage) at the probability Φ(normal_score), computed with logarithms of Φ."""
+        """Return the quantile of ln(leakage) at the probability Φ(normal_score)."""
         cube_root = ratio - ndtri_exp(log_ndtr(ratio) + log_ndtr(-normal_score))
         return 3 * np.log(deviation * cube_root)
 

@@ -2,7 +2,7 @@
 
 - To narrow the interval, an action reduces an error source. The contribution of this error source to the interval of
   ln(leakage) is multiplied by a factor, and the contributions of all other error sources are not changed.
-- To lower the leakage, the load is increased. The leakage under the higher load is extrapolated along the loading curve.
+- To lower the leakage, the load is increased. The leakage is extrapolated along the loading curve to the higher load.
 - To lower the leakage, the roughness heights are reduced. The leakage of the smoother surface follows from a scaling
   law, see `_slope_over_heights`.
 
