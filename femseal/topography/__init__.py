@@ -1,6 +1,6 @@
 """Read, generate, describe and condition the heights of seal faces.
 
-A surface passes through these steps, each of which is a function:
+The functions of this package are used in the following order:
 
 read_topography (measured) or self_affine, turned (generated) -> Topography
 describe_surface -> SurfaceReport

@@ -1,9 +1,9 @@
 """Combine two faces in contact into one map, whose gap to a rigid flat is the gap between the two faces.
 
-The second face is mirrored, rotated, shifted and interpolated on the grid of the first. Symbols: p is the position of a
-point, measured from the middle of the first face [m]; u is the position of the same point on the second face, measured
-from the middle of the second face. They are related by p = s + R(θ) M u, where M mirrors, R rotates by the angle θ, and
-s is the shift.
+The second face is mirrored, rotated, shifted and interpolated on the grid of the first face. Symbols: p is the position
+of a point, measured from the middle of the first face [m]; u is the position of the same point, measured from the
+middle of the second face [m]. Both positions are related by p = s + R(θ) M u, where the matrix M reverses the mirrored
+axis, the matrix R(θ) rotates by the angle θ, and s is the shift [m].
 """
 
 from __future__ import annotations
@@ -41,20 +41,25 @@ def combine(
 ) -> tuple[Topography, Overlap]:
     """Add the heights of two faces where they overlap.
 
-    The gap between the sum and a rigid flat is the gap between the two faces.
+    The gap between the two faces is the gap between the map of the added heights and a rigid flat.
 
-    The second face is mirrored, then rotated about its centre, then shifted from the centre of the first. If both faces
-    have the same size and coincide, the second is interpolated by its Fourier series, and the sum is periodic along the
-    axes along which both faces are periodic. Otherwise, waves of the second face that are shorter than two pixels of
-    the first are removed, and the second face is interpolated by cubic splines. The result is then the largest
-    rectangle that both faces cover, and it is not periodic.
+    The second face is mirrored, then rotated about its centre, and finally shifted relative to the centre of the first
+    face.
+
+    If the two faces have the same size and coincide, the second face is interpolated by its Fourier series. The
+    resulting map is periodic along an axis if both faces are periodic along this axis.
+
+    In all other cases, waves of the second face that are shorter than two pixels of the first face are removed, and the
+    second face is interpolated by cubic splines. The resulting map is the largest rectangle that both faces cover, and
+    is not periodic.
 
     Parameters
     ----------
     first, second : Topography
         The faces, without undefined points.
     mirror : {"x1", "x2"}, optional
-        Axis along which the second face is reversed, as when it is turned over to meet the first.
+        Axis along which the second face is reversed. Turning the second face over to meet the first face reverses one
+        axis.
     rotate : float
         Angle by which the second face is rotated from x1 towards x2 [rad].
     shift : tuple of two float
@@ -63,7 +68,7 @@ def combine(
     Returns
     -------
     topography : Topography
-        The sum.
+        Map of the added heights.
     overlap : Overlap
         Size of the overlap.
 
@@ -104,7 +109,7 @@ def _add_coinciding(first: Topography, second: Topography) -> tuple[Topography, 
 def _add_overlapping(
     first: Topography, second: Topography, angle: float, shift: NDArray
 ) -> tuple[Topography, Overlap]:
-    """Add two faces on the largest rectangle that both cover. The result has the pixels of the first face.
+    """Add two faces on the largest rectangle that both faces cover, on the pixels of the first face.
 
     angle : rotation of the second face [rad].
     shift : shift of the second face along x1 and x2, (2,) [m].

@@ -1,13 +1,14 @@
 """Condition a measured map for contact and flow: remove spikes and form, fill undefined points, and low-pass it.
 
-The form is fitted to the defined points before anything is filled, because filled points would distort it. Points that
-are treated as spikes may be real features of the surface. If they are among its highest or deepest points, contact and
-leakage depend on whether they are removed. `spikes_extreme` measures how many of the highest and deepest points would
-change.
+The form is fitted to the defined points before spikes and undefined points are filled, because filled points would
+distort the form. Points that are treated as spikes may be real features of the surface. If spikes are among the highest
+or deepest points of the surface, contact and leakage depend on whether the spikes are removed. The function
+`spikes_extreme` computes which fraction of the highest and deepest points changes if spikes are removed.
 
 The shortest wave that an instrument resolves follows from its tip radius or its lateral resolution. A round tip of
-radius R follows a wave of amplitude a and wavelength λ if the wave is blunter than the tip, a(2π/λ)² <= 1/R, which
-means λ >= 2π√(aR). For a spectrum of waves, a(2π/λ)² is replaced by √2 times the rms curvature of the profiles.
+radius R follows a wave of amplitude a and wavelength λ if the curvature of the wave is at most the curvature of the
+tip, a(2π/λ)² <= 1/R. The wavelength is then at least 2π√(aR). If a profile consists of many waves, the criterion uses
+√2 times the rms curvature of the profile in place of the curvature a(2π/λ)².
 
 Sources: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate in Fourier
 space so that the shortest wave is resolved by at least 8 pixels; Church and Takacs, Proc. SPIE 1332 (1991) 504 (tip);
@@ -76,16 +77,16 @@ class Instrument:
     generated_wave: float | None = None
 
     def spectrum(self, flat: Surface) -> Spectrum:
-        """Summarise the spectrum of a map whose form was subtracted.
+        """Summarise the spectrum of a map without its form.
 
-        For a generated surface the summary only contains the shortest wave that was generated.
+        For a generated surface, the summary contains only the shortest generated wave.
         """
         if self.generated_wave is not None:
             return Spectrum(self.generated_wave, 0.0, None)
         return spectrum(flat)
 
     def shortest_wave(self, flat: Surface) -> float:
-        """Return the shortest wavelength [m] in a map that the instrument resolves; 0 if no limit is known."""
+        """Return the shortest wavelength [m] of a map that the instrument resolves; 0 if the limits are unknown."""
         limits = [self.resolution or 0.0]
         if self.tip_radius is not None:
             for patch in flat.patches:
@@ -101,7 +102,7 @@ UNKNOWN = Instrument()
 def _shortest_followed_wave(flat: Topography, axis: int, radius: float) -> float:
     """Return the shortest wavelength [m] that a stylus tip follows on the profiles of a map.
 
-    The result is 0 if the tip follows all waves of the profiles.
+    Return 0 if the tip follows all waves of the profiles.
 
     axis : axis along which the profiles run.
     radius : radius of the tip [m].
@@ -124,11 +125,11 @@ class Repair:
     Parameters
     ----------
     undefined_fraction : float
-        Fraction of undefined points.
+        Fraction of undefined points, without spikes.
     spike_points : int
         Number of points in spikes.
     form : Form
-        The form of the defined points, which was subtracted.
+        Form that was fitted to the defined points without spikes, and subtracted.
     removed : array, (n1, n2)
         Height of each spike above the surface that replaced it [m], 0 at all other points.
     """
@@ -157,7 +158,7 @@ def repair(
     spikes : float
         Threshold of `find_spikes` in robust standard deviations. If infinite, spikes are kept.
     max_undefined : float
-        Largest fraction of points, from 0 to 1, that may be filled, including spikes.
+        Largest fraction of points, from 0 to 1, that may be filled: undefined points and spikes together.
     detrend : int, optional
         Order of the form, see `Topography.form`.
 
@@ -196,10 +197,11 @@ def repair(
 
 
 def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float:
-    """Return the fraction of the extreme points that would be other points if spikes were kept.
+    """Return the fraction of the highest or lowest points that changes if spikes are not removed.
 
-    The fraction is computed for the highest and for the lowest points, with each threshold in `_EXTREMES`. The largest
-    of these fractions is returned.
+    Extreme points are determined in the map with spikes and in the map without spikes. The fraction of extreme points
+    that differ is computed separately for the highest and for the lowest points, and for each number in `_EXTREMES`.
+    The largest fraction is returned.
 
     Parameters
     ----------
@@ -208,7 +210,7 @@ def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float
     removed : array, (n1, n2)
         Height of each spike above the surface that replaced it [m], 0 at all other points.
     wavelength : float
-        Shortest wave [m]. The maps with and without spikes are low-passed at this wavelength and then compared.
+        Shortest wave [m] that remains in the two maps, with and without spikes, when their extreme points are compared.
     """
     if not removed.any():
         return 0.0
@@ -222,7 +224,7 @@ def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float
 
 
 def _extreme_points(heights: NDArray) -> list[Flags]:
-    """Mark the extreme points of a map for each fraction in `_EXTREMES`.
+    """Mark the highest and the lowest points of a map, for each fraction in `_EXTREMES`.
 
     Returns two boolean maps (n1, n2) for each fraction: the first is True at the highest points, the second at the
     lowest points.
@@ -241,12 +243,14 @@ MOST_POINTS = 2**22
 
 @dataclass(frozen=True)
 class Conditioning(Labelled):
-    """Report what was done to a measured map. "Before" means after repair, but before the low-pass.
+    """Report what was done to a measured map.
+
+    Attributes that end in `_before` describe the repaired map before the low-pass.
 
     Attributes
     ----------
     reading : tuple of str
-        Notes on how the file was interpreted, where this is not obvious.
+        Notes on how the file was interpreted, where several interpretations are possible.
     """
 
     undefined_fraction: float = labelled("undefined points, filled", percent=True)
@@ -280,7 +284,8 @@ class Conditioning(Labelled):
     def kept_slope(self) -> float:
         """Ratio of the rms slope after conditioning to the rms slope of all waves, 0 to 1.
 
-        All waves include the waves that were removed (but not noise) and the waves that the instrument did not resolve.
+        The slope of all waves includes waves that were removed and waves that the instrument did not resolve, but no
+        noise.
         """
         total = hypot(self.rms_slope_measured, self.unseen_slope or 0.0)
         if not total:
@@ -289,7 +294,7 @@ class Conditioning(Labelled):
 
     @property
     def spike_warnings(self) -> list[str]:
-        """Warnings for the user if spikes may decide contact and leakage; empty otherwise."""
+        """Warnings for the user if contact and leakage may depend on spikes; empty otherwise."""
         if not self.spikes_extreme > _NOTABLE:
             return []
         return [
@@ -303,7 +308,7 @@ class Conditioning(Labelled):
     def unseen(self) -> str:
         """Text for the user about the waves that the instrument does not resolve.
 
-        The text is empty if no limit of the instrument is known, or if these waves were added to the map.
+        The text is empty if no limit of the instrument is known, or if the unresolved waves were added to the map.
         """
         if self.shortest_seen is None or self.unseen_slope == 0:
             return ""
@@ -343,22 +348,23 @@ def condition(
     spikes : float
         Threshold above which isolated points are treated as spikes, see `find_spikes`. If infinite, spikes are kept.
     detrend : int, optional
-        Order of the form: 0 mean, 1 tilt, 2 tilt and curvature. Default: the tilt, except along axes on which the map
-        is periodic without a step, see `Topography.form`.
+        Form that is subtracted: 0 for the mean, 1 for mean and tilt, 2 for mean, tilt and curvature. Default: the tilt,
+        except along axes on which the map is periodic without a step, see `Topography.form`.
     shortest_wave : float, optional
-        Shortest wave that is kept [m]. The default is the longest of three wavelengths. The first is 8 pixels of the
-        final grid. The second is the shortest wave that the instrument resolves. The third is the shortest wave above
-        noise and cut-off (see `describe_surface`), but at most 8 pixels of the measured map. To keep waves that are
-        shorter than 8 measured pixels, give a `shape` with at least 8 pixels per wave.
+        Shortest wave [m] that the conditioned map contains. Default: the longest of three wavelengths, which are 8
+        pixels of the final grid; the shortest wave that the instrument resolves; and the shortest wave above noise and
+        cut-off (see `describe_surface`), but at most 8 pixels of the measured map. To retain waves that are shorter
+        than 8 measured pixels, give a `shape` with at least 8 pixels per wave.
     max_undefined : float
         Largest fraction of undefined points, from 0 to 1, that may be filled, including spikes.
     shape : tuple of two int or "auto", optional
-        Number of points of the final grid. Default: as measured. With "auto" the grid is that of a run, which is finer
-        if waves of less than 8 measured pixels have more than 1 % of the rms slope; see `default_points`.
+        Number of points of the final grid. Default: the number of measured points. With "auto", the number of points is
+        chosen as for a run: the grid is finer than the measured pixels if waves shorter than 8 measured pixels
+        contribute more than 1 % of the rms slope, see `default_points`.
     instrument : Instrument
         Limits of the instrument, if they are known.
     shortest_wavelength : float, optional
-        Former name of `shortest_wave`.
+        Name of `shortest_wave` in earlier versions.
 
     Returns
     -------
@@ -370,7 +376,7 @@ def condition(
     Raises
     ------
     InputError
-        Too many points are undefined, or the shortest wave has less than 8 pixels or is longer than the map.
+        Too many points are undefined, or the shortest wave is shorter than 8 pixels or longer than the map.
 
     Examples
     --------
@@ -425,7 +431,7 @@ def smooth(
     shape: Shape,
     instrument: Instrument,
 ) -> tuple[Surface, Conditioning]:
-    """Remove the short waves of a repaired map and interpolate it on the final grid; see `condition`.
+    """Remove the short waves of a repaired map, and interpolate the map on the final grid; see `condition`.
 
     Parameters
     ----------
@@ -434,7 +440,7 @@ def smooth(
     form : Form
         Form that was subtracted; with several patches, the form of the first patch.
     parts : sequence of tuples of Topography and Repair
-        The results of `repair` for all measured maps of which this map is composed.
+        Results of `repair` for all measured maps of which `flat` is composed.
     shortest_wave, shape, instrument
         See `condition`.
 
@@ -485,8 +491,9 @@ def smooth(
 def default_wave(flat: Surface, shape: Shape, instrument: Instrument) -> float:
     """Return the shortest wavelength [m] that `condition` keeps on a grid by default.
 
-    Noise in the spectrum can raise this wavelength to at most 8 measured pixels. Without knowledge of the instrument, a
-    longer wavelength would be a guess.
+    The wavelength is the longest of three: 8 pixels of the grid, the shortest wave that the instrument resolves, and
+    the shortest wave above the noise. The shortest wave above the noise counts as at most 8 measured pixels, because a
+    longer filter is only justified if the limits of the instrument are known.
     """
     eight_pixels_of_grid = resolved_wave(flat.size, shape)
     eight_pixels_of_map = resolved_wave(flat.size, flat.shape)
@@ -510,7 +517,8 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
     wave : float
         Shortest wave that is to be kept [m].
     most : float
-        Approximate limit of the number of points. If 8 pixels per wave require more points, the pixels are made larger.
+        Approximate limit of the number of points. If 8 pixels per wave require more points, a wave has fewer than 8
+        pixels.
 
     Examples
     --------
@@ -527,16 +535,18 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
 def default_points(level: Surface, shortest_wave: float | None, instrument: Instrument) -> Shape:
     """Choose the numbers of grid points for a measured surface.
 
-    Waves must be at least 8 pixels long to be resolved. If nearly all of the rms slope is in such waves, the grid is
-    that of the measured pixels. Otherwise the grid is finer, so that it resolves the shortest measured wave, see
-    `resolving_shape`. A grid that was chosen in this way has at most `MOST_POINTS` points.
+    A wave is resolved if it is at least 8 pixels long. If nearly all of the rms slope is in waves that the measured
+    pixels resolve, the grid has the measured pixels. Otherwise, the grid is finer and resolves the shortest measured
+    wave, see `resolving_shape`. A grid with more than `MOST_POINTS` points is only chosen if `shortest_wave` requires
+    it.
 
     Parameters
     ----------
     level : Topography or Patches
         Surface without undefined points.
     shortest_wave : float or None
-        Wavelength of the filter [m]. If it is given, the grid must resolve this wave.
+        Shortest wave that the user wants to retain [m], which the grid must resolve. None if the user has not chosen a
+        wave.
     instrument : Instrument
         Instrument with which the surface was measured.
     """

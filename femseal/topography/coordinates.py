@@ -1,8 +1,9 @@
 """Read tables of numbers that are not a plain matrix of heights.
 
-Such a table may contain coordinates x y z on a regular grid, a profile, or a matrix with its axes in the first line or
-column. A table x y z lists the points of a grid in any order; points of the grid that are not in the table are
-undefined. Because coordinates are rounded when they are written, equal steps may differ by a few per cent.
+A table may contain coordinates x y z on a regular grid, a profile, or a matrix of heights whose first line or column
+contains the coordinates of an axis. A table x y z lists the points of a grid in any order; points of the grid that are
+not in the table are undefined. Files contain rounded coordinates, so that the steps of a regular grid may differ by a
+few per cent.
 """
 
 from collections.abc import Sequence
@@ -47,9 +48,9 @@ class MapOfTable:
     Parameters
     ----------
     heights : array, (n1, n2)
-        Heights, with x along the first axis.
+        Heights, with x of the table along the first axis.
     steps : tuple of two float, optional
-        Distances between coordinates along x and y, in their own unit. None for a matrix.
+        Steps of the grid along x and y, in the unit of the coordinates. None for a matrix.
     columns : Columns
         Columns of x, y and z in the table.
     notes : tuple of str
@@ -107,7 +108,7 @@ def grid_of_coordinates(table: NDArray, names: Sequence[str] = ()) -> MapOfTable
 
 
 def refuse_profile(table: NDArray) -> None:
-    """Raise InputError if a table is a profile: heights along a line, with or without their positions."""
+    """Raise InputError if a table is a profile: heights along a single line, with or without positions."""
     lines, columns = table.shape
     if min(lines, columns) > 2 or max(lines, columns) < _SHORTEST_PROFILE:
         return  # more than x and z, or too few points
@@ -125,10 +126,10 @@ def refuse_profile(table: NDArray) -> None:
 
 
 def profile_error(z: NDArray, given: str) -> InputError:
-    """Make an InputError about a file that contains a profile. Its message says how the profile can be used instead.
+    """Make an InputError about a file that contains a profile; its message says how to use a profile.
 
     z : heights (points,), NaN where undefined.
-    given : description of the content of the file.
+    given : description of the content of the file, for the message.
     """
     defined = z[np.isfinite(z)]
     roughness = ""
@@ -149,8 +150,8 @@ def profile_error(z: NDArray, given: str) -> InputError:
 def _find_columns(table: NDArray, names: Sequence[str]) -> Columns | None:
     """Find the columns of x, y and z.
 
-    The columns are found by their names. Without names, they are the first three columns, or the three columns after a
-    running index. Returns None if the table has fewer than three columns.
+    The columns are recognised by their names. If the columns have no names, x, y and z are the first three columns, or
+    columns 2 to 4 if column 1 is a running index. Returns None if the table has fewer than three columns.
     """
     named = Columns(
         _column_with_name(names, "x"),
@@ -223,9 +224,9 @@ def _read_grid(table: NDArray, columns: Columns) -> MapOfTable | None:
 def _check_unique_heights(x: NDArray, y: NDArray, z: NDArray, stored: NDArray) -> None:
     """Raise InputError if a point has several heights.
 
-    x, y, z : columns of the table (lines,).
-    stored : height in the grid at the point of each line of the table (lines,). If several lines refer to the same
-    point, this is the height in the last of them.
+    x, y, z : columns of the table, (lines,).
+    stored : height that the grid contains at the point of each line of the table, (lines,). If several lines give a
+    height for the same point, the grid contains the height in the last of these lines.
     """
     differs = (stored != z) & ~(np.isnan(stored) & np.isnan(z))
     if differs.any():
@@ -254,14 +255,14 @@ def _notes_on_grid(
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Hold the positions of values on a lattice of equidistant points.
+    """Describe a lattice of equidistant points, and the lattice point at which each value lies.
 
     Parameters
     ----------
     index : array of int, (values,)
         Index of the lattice point at which each value lies, counted from 0.
     points : int
-        Number of points of the lattice.
+        Number of points of the lattice, including points at which no value lies.
     step : float
         Distance between neighbouring points of the lattice.
     """
@@ -274,9 +275,9 @@ class Lattice:
 def find_lattice(values: NDArray) -> Lattice | None:
     """Find the lattice of equidistant points on which values lie; return None if there is no such lattice.
 
-    Some points of the lattice may be missing. The step is first estimated from the smallest distances between values.
-    Then a straight line is fitted to the values as a function of their lattice index, and its slope is the improved
-    step. This is repeated once.
+    Lattice points without a value are allowed. The step is first estimated from the smallest distances between values.
+    Each value then gets a lattice index, a straight line is fitted to the values as a function of their index, and the
+    slope of this line is the improved step. Indexing and fitting are repeated once.
 
     values : array (values,), in any order.
     """

@@ -3,13 +3,13 @@
 Form: mean, tilted plane or quadratic surface, fitted by least squares. The form is z ≈ Σ a_ij uⁱ vʲ with i + j <=
 order, where u and v are x1 and x2 scaled to the range (−1, 1) over the map.
 
-Spikes: isolated points far above or below their surroundings, a typical error of confocal instruments. In a window of
-5 × 5 points around each point, m denotes the median of the heights, and s = 1.4826 MAD their robust standard deviation
+Spikes: isolated points far above or below their surroundings, a typical error of confocal instruments. In a window of 5
+× 5 points around each point, m denotes the median of the heights, and s = 1.4826 MAD their robust standard deviation
 (MAD: median absolute deviation). Source: the Hampel identifier, Davies and Gather, J. Am. Stat. Assoc. 88 (1993) 782,
-with an additional test that the spike is isolated.
+with an additional test whether the spike is isolated.
 
-Undefined points: they are filled by the harmonic surface, ∇²z = 0, through the points around them. A map with too many
-undefined points is an error.
+Undefined points: these points are filled by the harmonic surface, ∇²z = 0, through the points around each hole. A map
+with too many undefined points is refused.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ ORDERS = "0 (mean), 1 (tilt) or 2 (tilt and curvature)"
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """Hold a polynomial surface that was fitted to a map.
+    """Hold the form of a map: a polynomial surface that was fitted to the heights.
 
     Parameters
     ----------
@@ -48,12 +48,12 @@ class Form:
 
     @property
     def heights(self) -> NDArray:
-        """Heights of the form at the pixel centres (n1, n2) [m]."""
+        """Heights of the polynomial surface at all pixel centres, (n1, n2) [m]."""
         u, v = (_powers(n, 3) for n in self.shape)
         return u @ self.coefficients @ v.T
 
     def at(self, selected: Flags) -> Array:
-        """Return the heights of the form (points,) [m] at the points where `selected` (n1, n2) is True."""
+        """Return the heights of the form, (points,) [m], at the points where `selected`, (n1, n2), is True."""
         row, column = np.nonzero(selected)
         u, v = (_powers(n, 3) for n in self.shape)
         return np.einsum("pi,ij,pj->p", u[row], self.coefficients, v[column])
@@ -78,12 +78,12 @@ class Form:
 
 
 def scaled_centres(n: int) -> NDArray:
-    """Return the pixel centres along an axis (n,), scaled to (−1, 1)."""
+    """Return the positions of the pixel centres along an axis, (n,), scaled to the range (−1, 1)."""
     return (2 * np.arange(n) + 1 - n) / n
 
 
 def _powers(n: int, count: int) -> NDArray:
-    """Return the powers 0 to `count` − 1 of the scaled pixel centres along an axis (n, count)."""
+    """Return the powers 0 to `count` − 1 of the scaled positions of the pixel centres along an axis, (n, count)."""
     return np.vander(scaled_centres(n), count, increasing=True)
 
 
@@ -103,7 +103,7 @@ def fit_form(heights: NDArray, size: Pair, order: int, tilted: Periodic = (True,
     order : int
         0 for the mean, 1 for mean and tilt, 2 for mean, tilt and curvature.
     tilted : tuple of two bool
-        Whether the form may vary along x1 and along x2.
+        Whether the fitted polynomial may vary along x1 and along x2.
 
     Raises
     ------
@@ -154,18 +154,23 @@ ALL_NEIGHBOURS = np.ones((3, 3))
 def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
     """Find the spikes of a map.
 
-    A spike is a group of at most four points with |z − m| > `threshold` · s. The group must be isolated: no
-    neighbouring point deviates in the same direction by more than half of the largest deviation within the group.
-    Ridges, edges and corners of real asperities continue in a neighbouring point, and so do all summits that the
-    instrument resolves; therefore they are not spikes. In this test, s is at least as large as its median over the map
-    and as the step of quantised heights. On steep parts of the surface, s is larger.
+    A spike is a group of at most four neighbouring points with |z − m| > `threshold` · s, where m is the median of the
+    heights z in a window around the point, and s the robust standard deviation of the heights in this window. If s is
+    smaller than its median over the map, or smaller than the step of quantised heights, the larger of these two numbers
+    replaces s. On steep parts of the surface, s is large.
+
+    A spike must also be isolated: no point next to the group deviates in the same direction by more than half of the
+    largest deviation within the group. Real ridges, edges, corners and resolved summits are not isolated, because their
+    neighbouring points deviate as well.
 
     Parameters
     ----------
     heights : array, (n1, n2)
-        Heights as measured [m], NaN where undefined. A quadratic form is subtracted before the search.
+        Heights as measured [m], NaN where undefined. The function subtracts a quadratic surface before it searches for
+        spikes.
     threshold : float
-        Smallest deviation of a spike in robust standard deviations, > 0. If infinite, no point is a spike.
+        Smallest deviation of a spike in robust standard deviations, > 0. If the threshold is infinite, no point is a
+        spike.
 
     Returns
     -------
@@ -206,10 +211,11 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
 def _stands_alone(group: Flags, flat: NDArray, median: NDArray) -> bool:
     """Return whether a group of deviating points is isolated.
 
-    The group is isolated if no neighbouring point deviates by more than half of the largest deviation within the group.
+    A group is isolated if no point next to the group deviates, in the same direction, by more than half of the largest
+    deviation within the group.
 
-    group : whether each point in a part of the map belongs to the group.
-    flat, median : heights of the same points, and the median of the heights around each of them [m].
+    group : whether each point in a rectangular part of the map belongs to the group.
+    flat, median : heights of the points in this part of the map, and the median of the heights around each point [m].
     """
     deviation = np.where(group, np.abs(flat - median), -1.0)
     tip = np.unravel_index(np.argmax(deviation), group.shape)
@@ -233,7 +239,8 @@ def _blocks(shape: tuple[int, ...]) -> Iterator[slice]:
 def _window_medians(z: NDArray) -> tuple[NDArray, NDArray]:
     """Compute the median and the median absolute deviation in the window around each point, both (n1, n2).
 
-    The deviation is in single precision to save memory. This is precise enough for a comparison with a threshold.
+    The median absolute deviation is stored in single precision to save memory. Single precision suffices for a
+    comparison with a threshold.
     """
     side = 2 * _REACH + 1
     median = np.empty_like(z)
@@ -266,7 +273,7 @@ def _row_medians(values: NDArray) -> NDArray:
 
 
 def _height_step(heights: NDArray) -> float:
-    """Return the step between the heights of quantised data [m]; without steps, the size of rounding errors."""
+    """Return the smallest step between quantised heights [m]; for other heights, the size of rounding errors."""
     ordered = heights[~np.isnan(heights)]
     ordered.sort()
     # a height is a level of the quantisation if at least this number of points have it
@@ -292,10 +299,12 @@ class TooManyUndefined(InputError):
 def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
     """Fill undefined points by the harmonic surface through the points around them.
 
-    Laplace's equation is solved by finite differences on five points. The unknowns are the heights in the holes, and
-    the defined heights next to a hole are Dirichlet values. A periodic axis wraps around; at any other border the
-    normal derivative is 0. A plane is reproduced exactly in holes that do not touch a border. The filled heights stay
-    between the lowest and the highest height around a hole (maximum principle), so that no new summit appears.
+    Laplace's equation is solved by finite differences with the five-point stencil. The unknowns are the heights of the
+    undefined points; the heights of defined points next to a hole are Dirichlet values. A periodic axis continues at
+    the opposite border. At a border that is not periodic, the derivative normal to the border is 0. If the points
+    around a hole lie in a plane, and the hole does not touch a border, the filled points lie in the same plane. The
+    filled heights stay between the lowest and the highest height around a hole (maximum principle), so that no new
+    summit appears.
 
     Parameters
     ----------

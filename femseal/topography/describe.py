@@ -1,13 +1,16 @@
 """Describe a measured surface: size, heights, slopes, texture, spectrum, and roughness parameters as on drawings.
 
 The roughness parameters of profiles and of the surface are computed after Gaussian filtering. The weighting function is
-exp(−π(x/αλ)²)/αλ with α² = ln 2/π, so that a wave of the cut-off λ keeps half of its amplitude. The filter λs removes
-shorter waves, the filter λc longer ones. Beyond its borders the map continues as its mirror image.
+exp(−π(x/αλ)²)/αλ with α² = ln 2/π, so that a wave of the cut-off λ keeps half of its amplitude. Two filters are
+applied: a filter with the cut-off λs removes waves shorter than λs, and a filter with the cut-off λc removes waves
+longer than λc. Beyond its borders, the map continues as its mirror image.
 
-The core of the material ratio curve is a straight line. It is fitted by least squares to the flattest part of the curve
-that covers 40 % of the area, and is then extended from 0 to 100 %. The peaks above this line and the valleys below it
-are replaced by triangles of equal area. Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std, Sk, Spk, Svk, Smr,
-Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk), ISO 21920-3 (cut-offs), ISO 16610-21 and 16610-61 (filters).
+The core of the material ratio curve is represented by a straight line. The line is fitted by least squares to the part
+of the curve that covers 40 % of the area and has the smallest slope, and is then extended from 0 to 100 % of the area.
+The part of the curve above this line (peaks) and the part below (valleys) are replaced by triangles of equal area.
+
+Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std, Sk, Spk, Svk, Smr, Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk), ISO
+21920-3 (cut-offs), ISO 16610-21 and 16610-61 (filters).
 """
 
 from __future__ import annotations
@@ -30,13 +33,14 @@ from .topography import Topography
 
 @dataclass(frozen=True)
 class SurfaceReport(Labelled):
-    """Hold the parameters of a map after its form was subtracted.
+    """Hold the parameters of a map without its form.
 
     A parameter that cannot be determined is NaN or None.
 
-    Heights are those of the defined points, including spikes, as instruments evaluate them. Slopes, texture, spectrum
-    and the parameters after Gaussian filters are those of the map without spikes and with undefined points filled.
-    The direction of the lay is its angle from x2, which is positive in the sense from x1 towards x2.
+    Parameters of heights, such as Sq, are computed from all defined points including spikes, as in the software of
+    instruments. Slopes, texture, spectrum and the parameters after Gaussian filters are computed from the map without
+    spikes and with filled undefined points. The direction of the lay is its angle from x2, which is positive in the
+    sense from x1 towards x2.
     """
 
     shape: Shape = labelled("points")
@@ -96,12 +100,12 @@ def describe_surface(
     topography : Topography
         The map as measured.
     detrend : int, optional
-        Order of the form that is subtracted first: 0 mean, 1 tilt, 2 tilt and curvature. Default: the tilt, except
-        along axes on which the map is periodic without a step, see `Topography.form`.
+        Form that is subtracted from the map: 0 for the mean, 1 for mean and tilt, 2 for mean, tilt and curvature.
+        Default: the tilt, except along axes on which the map is periodic without a step, see `Topography.form`.
     spikes : float
-        Threshold of `find_spikes`. If infinite, no points are treated as spikes.
+        Threshold of `find_spikes`. If the threshold is infinite, no point is treated as a spike.
     max_undefined : float
-        Largest fraction of points, from 0 to 1, that may be filled for slopes, texture and spectrum.
+        Largest fraction of points, from 0 to 1, that may be filled before slopes, texture and spectrum are computed.
 
     Returns
     -------
@@ -111,7 +115,7 @@ def describe_surface(
     Raises
     ------
     InputError
-        Too many points are undefined, or the order or the threshold is invalid.
+        Too many points are undefined, or `detrend` or the threshold is invalid.
 
     Examples
     --------
@@ -155,9 +159,9 @@ def describe_surface(
 
 
 class _CutOff(NamedTuple):
-    """Hold the cut-offs of one pair of standard roughness filters.
+    """Hold the cut-offs λs and λc of two filters that the standard applies together.
 
-    least_ra : smallest Ra for which these filters are used [m].
+    least_ra : smallest Ra [m] of the filtered profiles for which the standard recommends both filters.
     long, short : cut-offs λc and λs [m].
     """
 
@@ -181,12 +185,12 @@ _SECTIONS = 5
 def roughness(flat: Topography) -> dict[str, Any]:
     """Return the roughness parameters of a map by their names in `SurfaceReport`.
 
-    Parameters of profiles, such as Ra and Rz, are given for both directions: as the mean over all profiles along x1,
-    and as the mean over all profiles along x2. The cut-off λc is chosen separately for the profiles along x1 and
-    along x2. It is the longest standard cut-off that is not longer than the profile and that the standard
-    recommends for the Ra of the filtered profiles. It is NaN if every cut-off is longer than the profile. For the
-    parameters of the surface, the two values of λc are compared, and the filters with the longer one are applied
-    along both axes.
+    Parameters of profiles, such as Ra and Rz, are pairs: the first number is the mean over all profiles along x1, the
+    second number the mean over all profiles along x2. The cut-off λc is chosen separately for the profiles along x1 and
+    along x2. The chosen λc is the longest standard cut-off that is not longer than the profile and that the standard
+    recommends for the Ra of the filtered profiles. If every standard cut-off is longer than the profile, λc is NaN.
+
+    The parameters of the surface are computed with the longer of the two values of λc, along x1 and x2.
 
     flat : map without its form and without undefined points.
     """
@@ -219,9 +223,9 @@ _DERIVATIVE = np.array([-1, 9, -45, 0, 45, -9, 1]) / 60
 
 
 def material_ratios(z: NDArray) -> dict[str, Any]:
-    """Return the core parameters Sk, Spk and Svk [m], and the material ratios Smr(c) [-].
+    """Compute the core parameters Sk, Spk and Svk [m], and the material ratios Smr(c) [-].
 
-    The ratios are given at the rms height above the mean, at the mean, and at the rms height below it.
+    The three material ratios are given at the height mean + Sq, at the mean height, and at the height mean − Sq.
 
     z : heights (n1, n2) [m].
     """
@@ -248,11 +252,12 @@ def material_ratios(z: NDArray) -> dict[str, Any]:
 
 
 def _triangle(heights: NDArray) -> float:
-    """Return the height [m] of the triangle that replaces the peaks above the core, or the valleys below it.
+    """Return the height [m] of the triangle that replaces the peaks above the core or the valleys below the core.
 
-    In the diagram of the material ratio curve, the triangle has the same base and the same area as the replaced part.
+    In the diagram of height over material ratio, the triangle has the same base and the same area as the replaced peaks
+    or valleys.
 
-    heights : heights of the peaks above the core, or depths of the valleys below it (points,) [m].
+    heights : heights of the peaks above the core, or depths of the valleys below the core, (points,) [m].
     """
     return 2 * float(heights.mean()) if heights.size else 0.0
 
@@ -279,7 +284,7 @@ class _ProfileParameters(NamedTuple):
 
 
 def _profile_parameters(flat: Topography, axis: int) -> _ProfileParameters:
-    """Return the roughness parameters of profiles along an axis; NaN if every cut-off is longer than the profiles."""
+    """Compute the roughness parameters of profiles along an axis; NaN if all cut-offs are longer than a profile."""
     parameters = _ProfileParameters()
     # from the longest cut-off to the shortest, until the Ra is large enough for the filters
     for filters in _SERIES:
@@ -304,10 +309,10 @@ def _profile_parameters(flat: Topography, axis: int) -> _ProfileParameters:
 def _gaussian_filter(
     flat: Topography, z: NDArray, cut_off: float, axes: tuple[int, ...]
 ) -> NDArray:
-    """Apply the Gaussian filter with a given cut-off [m] along some axes; return NaN if the cut-off is NaN.
+    """Apply a Gaussian low-pass filter with a given cut-off [m] along some axes; return NaN if the cut-off is NaN.
 
-    flat : map whose pixel size is used.
-    z : heights (n1, n2) [m], which continue beyond the borders as their mirror image.
+    flat : map to which the heights belong; only its pixel size is used.
+    z : heights, (n1, n2) [m]. Beyond a border, the heights continue as their mirror image.
     """
     if not cut_off > 0:
         return np.full(z.shape, nan)
@@ -323,7 +328,7 @@ def _gaussian_filter(
 
 
 class _Moments(NamedTuple):
-    """Hold the mean absolute height [m], the rms height [m] and the skewness [-], all about the mean."""
+    """Hold the mean absolute height [m], the rms height [m] and the skewness [-] of heights relative to their mean."""
 
     mean: float
     rms: float
@@ -333,7 +338,7 @@ class _Moments(NamedTuple):
 def _moments(z: NDArray) -> _Moments:
     """Compute the moments of heights along the last axis, and average them over all other axes.
 
-    If the axes are (profile, point), the results are averages over all profiles.
+    For heights of profiles with the axes (profile, point), the results are averages over all profiles.
     """
     z = z - z.mean(axis=-1, keepdims=True)
     rms = np.sqrt(np.mean(z**2, axis=-1))

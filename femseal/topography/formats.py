@@ -1,7 +1,11 @@
-"""Read height maps from files of several formats. Each reader returns a `Raw` record.
+"""Read height maps from files of several formats.
 
-Orientation: axis 0 of the heights is the x axis of the file, and axis 1 its y axis. In a text file, x runs along a
-line. NumPy arrays are not transposed. Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the text export of Gwyddion.
+The function that reads a format returns a record `Raw`.
+
+Axis 0 of the heights is the x axis of the file, and axis 1 is the y axis of the file. In a text file, the points of a
+line lie along x. NumPy arrays are not transposed.
+
+Sources: ISO 25178-71 (.sdf), ISO 25178-72 (.x3p), the text export of Gwyddion.
 """
 
 from collections.abc import Callable, Iterator
@@ -32,8 +36,8 @@ _WYKO = b"Wyko ASCII Data File"
 def reading(path: Path) -> Iterator[None]:
     """Turn every error while a file is read into an InputError that names the file.
 
-    A file that needs more than the free memory is an error as well. The size of the file is checked before reading, and
-    the memory is limited while the file is read.
+    A file that needs more than the free memory also raises an InputError: the size of the file is checked before
+    reading, and the memory is limited while the file is read.
     """
     length, free = path.stat().st_size, free_memory()
     if _MEMORY_FACTOR * length > free:
@@ -64,8 +68,8 @@ def read_npy(path: Path, options: Reading) -> Raw:
 def read_npz(path: Path, options: Reading) -> Raw:
     """Read heights from a .npz archive.
 
-    The heights are the array named `options.array`, or the only map in the archive. If there is an array `spacing`, it
-    is the pixel size [m]. If there is an array `mask`, the points where it is not 0 are masked.
+    The heights are the array named `options.array`, or the only map in the archive. An array named `spacing` in the
+    archive contains the pixel size [m]. An array named `mask` marks undefined points by numbers other than 0.
     """
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         arrays = dict(archive)
@@ -81,7 +85,10 @@ def read_npz(path: Path, options: Reading) -> Raw:
 
 
 def _select_map(arrays: dict[str, NDArray], name: str | None) -> NDArray:
-    """Return the array with the given name, or the only map of an archive; raise InputError without a unique map."""
+    """Return the map with the given name, or the only map of an archive if no name is given.
+
+    Raises InputError if the archive does not contain exactly one such map.
+    """
     # a single array is returned whatever its shape, so that `_check_map` can explain what is wrong with it
     maps = [key for key, array in arrays.items() if array.ndim == 2 or len(arrays) == 1]
     selected = [key for key in maps if key == name] if name else maps

@@ -1,9 +1,12 @@
 """Generate surfaces from a few numbers: self-affine ones (lapped, ground, blasted), and surfaces turned on a lathe.
 
-Symbols: q wave vector with the angular wave number |q| [rad/m], C spectral density, H Hurst exponent. A wave with the
-numbers k = (k1, k2) on the periods L1, L2 has q = 2π(k1/L1, k2/L2). Sources: Persson et al., J. Phys.: Condens. Matter
-17 (2005) R1 (self-affine spectrum with roll-off). The turned profile is the envelope of the passes of a round tool
-nose. The cusps between the passes have the height pitch²/8r.
+Symbols: q wave vector with the angular wave number |q| [rad/m], C spectral density, H Hurst exponent. On a surface with
+the sides L1 and L2, a wave with k1 periods along x1 and k2 periods along x2 has q = 2π(k1/L1, k2/L2).
+
+The turned profile is the envelope of the passes of a round tool nose with the radius r. The cusps between the passes
+have the height pitch²/8r.
+
+Sources: Persson et al., J. Phys.: Condens. Matter 17 (2005) R1 (self-affine spectrum with roll-off).
 """
 
 from __future__ import annotations
@@ -38,8 +41,8 @@ def self_affine(
     """Generate a periodic, isotropic self-affine surface with exactly the given spectrum and random phases.
 
     The spectral density is constant for q < 2π/roll_off, proportional to q^(−2−2H) between 2π/roll_off and 2π/cut_off,
-    and 0 for larger q. The random phases are assigned in order, from the longest to the shortest wave. Therefore the
-    same seed gives the same surface on every grid that resolves `cut_off`. A shorter `cut_off` adds waves and
+    and 0 for larger q. The random phases are assigned to the waves from the longest to the shortest wave. The same seed
+    therefore gives the same surface on every grid that resolves `cut_off`. A shorter `cut_off` adds waves and
     multiplies all heights by a common factor.
 
     Parameters
@@ -51,8 +54,8 @@ def self_affine(
     hurst : float
         Hurst exponent H in (0, 1].
     rms_slope, rms_height : float
-        Rms slope [-] or rms height [m] of the surface, exact up to rounding errors. Exactly one of the two must be
-        given.
+        Rms slope [-] or rms height [m] of the surface, exact up to rounding errors. Exactly one of `rms_slope` and
+        `rms_height` must be given.
     roll_off : float, optional
         Wavelength above which the spectrum is constant [m]. Default: the larger side.
     cut_off : float, optional
@@ -122,35 +125,36 @@ def turned(
 ) -> Topography:
     """Generate a surface turned on a lathe: grooves along x2, one per pitch along x1, with sharp ridges between them.
 
-    In pass k the tool nose cuts a groove with the profile (x1 − x1_k)²/2r. At each point, the surface is as low as the
-    lowest of all passes. Heights are counted from the nominal bottom of the grooves. Waviness along x1 and self-affine
-    roughness are added. Because a grid cannot represent the sharp ridges, the sum is low-passed at `cut_off`. The given
-    depth, waviness and roughness are those before the low-pass.
+    In pass k, the tool nose cuts a groove with the profile z = (x1 − x1_k)²/2r. At each point, the height of the
+    surface is the smallest height of the profiles of all passes. Heights are measured from the nominal bottom of the
+    grooves. Waviness along x1 and self-affine roughness are added. Finally, waves shorter than `cut_off` are removed,
+    because a grid cannot represent sharp ridges. The arguments `depth`, `waviness` and `roughness` describe the surface
+    before these waves are removed.
 
     Parameters
     ----------
     shape : tuple of two int
-        Number of points along x1 (across the grooves) and x2 (along them).
+        Number of points along x1 (across the grooves) and along x2 (along the grooves).
     size : float or tuple of two float
         Sides along x1 and x2 [m].
     pitch : float
         Feed per turn [m], longer than `cut_off` and at most `size[0]`.
     depth : float
-        Depth of cut [m]. Without `nose_radius` it is the height of the ridges above the bottom of the grooves, and the
-        radius of the tool nose is r = pitch²/(8 depth).
+        Depth of cut [m]. If `nose_radius` is not given, the depth is the height of the ridges above the bottom of the
+        grooves, and the radius of the tool nose is r = pitch²/(8 depth).
     nose_radius : float, optional
-        Radius r of the tool nose [m]. The ridges then have the height pitch²/8r. If this is more than `depth`, flat
-        lands at the height `depth` remain between the grooves.
+        Radius r of the tool nose [m]. A tool nose with this radius produces ridges of the height pitch²/8r. If
+        pitch²/8r exceeds `depth`, flat lands at the height `depth` remain between the grooves.
     feed_error : float
-        Rms error of the position of a groove as a fraction of the pitch, from 0 to 0.5.
+        Rms error of the position of the grooves, as a fraction of the pitch, from 0 to 0.5.
     depth_error : float
-        Rms error of the depth of a groove as a fraction of `depth`, from 0 to 1. Half of the mean square of each error
-        is constant along a groove. The other half varies along the groove as a sine with the period `size[1]` and a
-        random phase.
+        Rms error of the depth of the grooves, as a fraction of `depth`, from 0 to 1. The errors of position and depth
+        consist of two parts with equal mean squares: a part that is constant along a groove, and a part that varies
+        along the groove as a sine with the period `size[1]` and a random phase.
     waviness : float
-        Rms height of a wave along x1 [m].
+        Rms height [m] of a sinusoidal waviness along x1.
     waviness_length : float, optional
-        Wavelength of this wave [m]. Default: `size[0]`/2.
+        Wavelength of the waviness [m]. Default: `size[0]`/2.
     roughness : float
         Rms height of `self_affine` roughness [m].
     hurst, roughness_roll_off : float
@@ -163,7 +167,8 @@ def turned(
     Returns
     -------
     Topography
-        The surface. It is periodic along x2, and along x1 if whole numbers of pitches and of waves fit into `size[0]`.
+        The surface, which is periodic along x2. Along x1, the surface is periodic if `size[0]` is a multiple of the
+        pitch and, with a waviness, of `waviness_length`.
 
     Raises
     ------
@@ -233,8 +238,9 @@ def _cut_grooves(
 ) -> NDArray:
     """Return the heights (n1, n2) [m] that remain after all passes of the tool.
 
-    x1 : positions across the grooves (n1, 1) [m].
-    angle : positions along the grooves, as an angle that is 2π at the end of the map (n2,) [rad].
+    x1 : positions across the grooves, (n1, 1) [m].
+    angle : positions along the grooves, (n2,), as an angle [rad] that increases from 0 to 2π over the length of the
+    map.
     rms_errors : rms error of the position of a groove, and rms error of its depth [m].
     """
     # Each error has a part that is constant along a groove, and a part that is a sine of the angle. Axes of the arrays:
@@ -301,7 +307,8 @@ def random_waves(
 def wave_numbers(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
     """List all waves longer than `cut_off` in a half plane of wave vectors, from the longest to the shortest.
 
-    The order decides which random phase a wave gets. It depends on the ratio of the sides, but not on the grid.
+    The order of the waves decides which random phase a wave gets. The order depends on the ratio of the sides, but not
+    on the grid.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
 """Read files of instruments with SurfaceTopography, which knows dozens of formats with their channels, units and masks.
 
-If the library does not know a unit, the caller has to give it. Channels whose unit is not a length are read if the
-caller gives a unit of height. The same holds for fields of Gwyddion (.gwy) without units, which the library ignores.
+If SurfaceTopography does not know the unit of a file, the caller must give the unit. Channels whose unit is not a
+length are read if the caller gives a unit of height. SurfaceTopography ignores fields of Gwyddion (.gwy) without units;
+this module reads such fields itself if the caller gives a unit of height.
 """
 
 import io
@@ -36,7 +37,7 @@ _GIVE_UNITS = (
 def read_instrument(path: Path, options: Reading, other_suffixes: Sequence[str] = ()) -> Raw:
     """Read a map from the file of an instrument with SurfaceTopography, an optional package.
 
-    other_suffixes : suffixes of files that femseal reads without this package, for an error message.
+    other_suffixes : suffixes of files that femseal reads without SurfaceTopography, for an error message.
     """
     suffix = path.suffix.lower()
     opened = _open(path, suffix, other_suffixes)
@@ -55,9 +56,10 @@ def read_instrument(path: Path, options: Reading, other_suffixes: Sequence[str] 
 class _OpenFile(NamedTuple):
     """Hold a file that SurfaceTopography has opened.
 
-    content : modified copy of the file, which must exist until it has been read; None if the file was not modified.
-    unclear : unit in the file that the library cannot read, for messages.
-    file : the opened file as an object of the library.
+    content : modified copy of the file in memory, which must exist until the heights have been read; None if the file
+    was not modified.
+    unclear : unit in the file that SurfaceTopography cannot interpret, for messages.
+    file : the opened file, as an object of SurfaceTopography.
     channels : channels of the file.
     """
 
@@ -151,7 +153,7 @@ def _read_channel(channel: Any, suffix: str) -> Raw:
 
 
 def _heights_and_mask(topography: Any, suffix: str) -> tuple[Array, Flags | None]:
-    """Return the heights (n1, n2) in the unit of the file, and the mask in the file if there is one.
+    """Return the heights, (n1, n2), in the unit of the file, and the mask of the file; None without a mask.
 
     topography : map of SurfaceTopography.
     suffix : suffix of the file.
@@ -168,15 +170,15 @@ def _heights_and_mask(topography: Any, suffix: str) -> tuple[Array, Flags | None
 def _replace_unknown_units(path: Path) -> tuple[io.BytesIO | None, str]:
     """Replace the units of a .sur file that SurfaceTopography cannot read.
 
-    Micrometres in UTF-8 are rewritten in the encoding of the format. If any unit is unknown, all units are replaced by
-    metres, so that the library does not change the numbers.
+    The unit "µm" in UTF-8 is rewritten in the encoding of the format. If at least one unit in the file is unknown,
+    metres replace all units, so that SurfaceTopography does not convert the numbers.
 
     Returns
     -------
     content : BytesIO or None
-        The changed file. None if the library can read the file as it is.
+        Changed copy of the file. None if SurfaceTopography can read the original file.
     unclear : str
-        The unknown unit, for messages.
+        Description of the unknown unit, for messages; "" if all units are known.
     """
     with path.open("rb") as file:
         head = bytearray(file.read(_SURF_UNITS.stop))
@@ -209,11 +211,11 @@ def _is_usual(unit: str) -> bool:
 def _gwyddion_fields(file: Any, kind: str = "data") -> dict[int, dict[str, Any]]:
     """Return the metadata of the data fields of a .gwy file, by the number of the field.
 
-    The metadata state where the heights are in the file, but do not contain them. Files of other formats have no
-    fields.
+    The metadata state the position of the heights in the file, but do not contain the heights. For files of other
+    formats, the dictionary is empty.
 
     file : file opened by SurfaceTopography.
-    kind : "data" for the maps, or "mask" for their masks.
+    kind : "data" for the maps of heights, or "mask" for the masks of these maps.
     """
     fields = {}
     for key, value in getattr(file, "_metadata", {}).items():
@@ -269,7 +271,7 @@ def _gwyddion_numbers(path: Path, field: dict[str, Any]) -> Array:
 
 
 def _instrument(parameters: dict[str, Any]) -> Instrument:
-    """Return the limits of the instrument from its parameters in SurfaceTopography, which are values with units."""
+    """Return the limits of the instrument from parameters that SurfaceTopography has read, values with units."""
     lengths = {}
     for name in ("tip_radius", "resolution"):
         entry = parameters.get(name, {})
@@ -280,7 +282,7 @@ def _instrument(parameters: dict[str, Any]) -> Instrument:
 
 @contextmanager
 def unprinted() -> Iterator[None]:
-    """Suppress everything that Python prints within this context, because some readers print faults of a file."""
+    """Suppress everything that Python prints inside a `with` block, because some readers print faults of a file."""
     with (
         open(os.devnull, "w", encoding="utf-8") as nothing,
         redirect_stdout(nothing),
@@ -299,14 +301,14 @@ def pick(choices: list[Any], channel: int | str, kind: str, names: Sequence[str]
     channel : int or str
         Number (from 0) or name of the channel.
     kind : str
-        Name for a channel in this file format, such as "layer", for the message.
+        Word that the file format uses for a channel, such as "layer", for the message.
     names : sequence of str
         Names of the channels.
 
     Raises
     ------
     InputError
-        There is no such channel.
+        The file has no channel with this number or name.
     """
     if isinstance(channel, str) and names.count(channel) == 1:
         return choices[names.index(channel)]

@@ -1,11 +1,14 @@
 """Find the numbers in a file that mark undefined points.
 
 Some programs write one number, such as −9999, for every point that was not measured. If the file or the caller states
-this number, the points with this number are undefined. Otherwise the number is recognised by a property that no
-measured surface has: many points have exactly the highest or the lowest number of the map, and this number is far from
-all others. If it is a number that programs commonly write for undefined points, such as −9999 or 32767, its points are
-treated as undefined, and a note says so. Any other number, such as 0, may also be a real height, for example that of a
-flat bottom. Only the user knows whether it is a height. The file is then refused, and the error says how to state this.
+the number, all points with the number are undefined.
+
+If neither states a number, the number is recognised by a property that no measured surface has: many points have
+exactly the highest or the lowest number of the map, and this number is far from all others. A recognised number that
+programs commonly write for undefined points, such as −9999 or 32767, is treated as undefined, and a note says so. Any
+other recognised number, such as 0, may be a real height, for example the height of a flat bottom. Only the user knows
+whether the number is a height. The file is then refused, and the error says how the user can state whether the number
+is a height.
 """
 
 from collections.abc import Sequence
@@ -43,7 +46,7 @@ _MOST = 4
 
 @dataclass(frozen=True, eq=False)
 class Defined:
-    """Hold the heights of a file after undefined points were marked.
+    """Hold the heights of a file in which undefined points are NaN.
 
     Parameters
     ----------
@@ -52,8 +55,8 @@ class Defined:
     notes : tuple of str
         Notes on the points that were treated as undefined.
     errors : tuple of InputError
-        Errors about numbers that may be heights or may mark undefined points. Only the user knows which.
-        `read_topography` raises the first of them.
+        Errors about numbers that may be heights or may mark undefined points, which only the user can decide.
+        `read_topography` raises the first of these errors.
     """
 
     heights: NDArray
@@ -73,10 +76,11 @@ def mark_undefined_points(
     heights : array, (n1, n2)
         Numbers in the file.
     file_marks : sequence of float
-        Numbers that mark undefined points according to the file.
+        Numbers that mark undefined points according to the file itself.
     given : float or str, optional
         Number that marks undefined points according to the caller; "none" if every number is a height. If None, the
-        numbers in `file_marks` mark undefined points, and further such numbers are searched for.
+        numbers in `file_marks` mark undefined points, and the function also searches for other numbers that mark
+        undefined points.
 
     Raises
     ------
@@ -116,7 +120,7 @@ def _mark_numbers(
 ) -> tuple[NDArray, list[str]]:
     """Replace given numbers by NaN; return the heights and a note for each number that occurs in the map.
 
-    source : source of these numbers, such as "the file says", for the notes.
+    source : who states that the numbers mark undefined points, such as "the file says", for the notes.
     """
     notes = []
     for number in numbers:
@@ -128,7 +132,7 @@ def _mark_numbers(
 
 
 def _check_number(given: float | str) -> float:
-    """Convert the number that the caller has given, perhaps as text; raise InputError if it is not a number."""
+    """Convert the option `no_data`, a number or a text, to a number; raise InputError for any other value."""
     try:
         value = float(given)
     except (TypeError, ValueError):
@@ -151,9 +155,10 @@ def _is_mark(value: float) -> bool:
 
 
 def _find_suspicious_number(heights: NDArray) -> float | None:
-    """Return the lowest or the highest number of a map if it probably marks undefined points; otherwise None.
+    """Return a number of a map that probably marks undefined points; None without such a number.
 
-    Such a number is far from all others. In addition, many points have this number, or programs commonly write it.
+    Only the lowest and the highest number of the map are tested. A number probably marks undefined points if it is far
+    from all other numbers of the map, and if many points have this number or programs commonly write this number.
     """
     lowest = float(np.fmin.reduce(heights, axis=None))
     highest = float(np.fmax.reduce(heights, axis=None))
@@ -168,10 +173,10 @@ def _find_suspicious_number(heights: NDArray) -> float | None:
 
 
 def _is_far(heights: NDArray, value: float, sign: int, *, is_shared: bool) -> bool:
-    """Return whether the lowest number of a map (sign 1), or the highest (sign -1), is far from all others.
+    """Return whether the lowest number of a map (sign 1), or the highest number (sign -1), is far from all others.
 
-    is_shared : whether many points have this number. If not, the distance to the next number must exceed the range of
-    all other numbers.
+    is_shared : whether many points have this number. If only few points have the number, its distance to the next
+    number must exceed the range of all other numbers.
     """
     # for the highest number the map is turned upside down, so that the number is the lowest in both cases
     upwards = sign * heights

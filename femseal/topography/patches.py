@@ -1,6 +1,6 @@
 """Hold several measured patches of one surface, side by side along x2.
 
-Contact is solved in each patch separately, and the flow is solved through all of them together. Waves, slopes, form and
+Contact is solved in each patch separately, and the flow is solved through all patches together. Waves, slopes, form and
 all other properties that depend on neighbouring points are computed within each patch, because the heights of two
 patches do not match where they meet.
 """
@@ -40,14 +40,15 @@ class Patches(Plotted):
     The methods act on each patch separately. Other operations of `Topography` can be applied to the elements of
     `patches`.
 
-    Patches of different size or resolution are adapted to each other. Along x1 they are cut symmetrically to the width
-    of the narrowest patch. All patches are resampled to the largest pixel size, which changes their sides by at most
-    half a pixel. Along x2 each patch is cut to a multiple of one eighth of the length of the shortest patch.
+    Patches of different size or resolution are adapted to each other in three steps. First, all patches are cut
+    symmetrically to the width along x1 of the narrowest patch. Then all patches are resampled to the largest pixel
+    size, which changes the sides of a patch by at most half a pixel. Finally, each patch is cut along x2 to a multiple
+    of one eighth of the length of the shortest patch.
 
     Parameters
     ----------
     patches : sequence of Topography
-        Maps of the same surface, at least two.
+        At least two maps of the same surface.
 
     Raises
     ------
@@ -90,7 +91,7 @@ class Patches(Plotted):
 
     @property
     def shape(self) -> Shape:
-        """Number of points of all patches side by side (n1, n2)."""
+        """Number of points (n1, n2) of the map that all patches form side by side."""
         return self.patches[0].shape[0], sum(self.widths)
 
     @property
@@ -100,24 +101,24 @@ class Patches(Plotted):
 
     @property
     def size(self) -> Pair:
-        """Size of all patches side by side along x1 and x2 [m]."""
+        """Sides along x1 and x2 [m] of the map that all patches form side by side."""
         return self.shape[0] * self.spacing[0], self.shape[1] * self.spacing[1]
 
     @property
     def periodic(self) -> Periodic:
-        """Whether every patch is periodic along x1 and x2."""
+        """Whether every patch is periodic along x1, and whether every patch is periodic along x2."""
         return all(p.periodic[0] for p in self.patches), all(p.periodic[1] for p in self.patches)
 
     @cached_property
     def heights(self) -> Array:
-        """Heights of all patches side by side (n1, n2) [m]."""
+        """Heights (n1, n2) [m] of the map that all patches form side by side."""
         heights = np.concatenate([p.heights for p in self.patches], axis=1)
         heights.flags.writeable = False
         return heights
 
     @property
     def shortest_patch(self) -> Topography:
-        """The patch that is shortest along x2. The numbers of points and cells in a case refer to this patch."""
+        """Patch with the smallest length along x2, to which the numbers of points and cells in a case refer."""
         return min(self.patches, key=lambda patch: patch.shape[1])
 
     @property
@@ -127,23 +128,23 @@ class Patches(Plotted):
 
     @property
     def rms_height(self) -> float:
-        """Rms height of all patches, relative to the mean height of each patch [m]."""
+        """Rms height [m] of all patches, with heights measured from the mean height of each patch."""
         return float(np.sqrt(self._mean([p.rms_height**2 for p in self.patches])))
 
     @property
     def rms_slopes(self) -> Pair:
-        """Rms slopes along x1 and x2 within the patches [-]."""
+        """Rms slopes [-] along x1 and x2, without the steps between patches."""
         squares = np.square([patch.rms_slopes for patch in self.patches])  # (patch, axis)
         along_x1, along_x2 = (float(np.sqrt(self._mean(values))) for values in squares.T)
         return along_x1, along_x2
 
     @property
     def rms_slope(self) -> float:
-        """Rms of the slope |∇z| within the patches [-]."""
+        """Rms of the slope |∇z| [-], without the steps between patches."""
         return float(np.hypot(*self.rms_slopes))
 
     def rms_slope_of_long_waves(self, wavelength: float) -> float:
-        """Return the rms slope [-], within the patches, of the waves that `low_pass` keeps."""
+        """Return the rms slope [-] of waves at least as long as `wavelength` [m], without steps between patches."""
         slopes = [patch.rms_slope_of_long_waves(wavelength) for patch in self.patches]
         return float(np.sqrt(self._mean(np.square(slopes))))
 
@@ -156,7 +157,7 @@ class Patches(Plotted):
         return split_patches(values, self.widths)
 
     def check_waves(self) -> None:
-        """Raise InputError if the mean wavelength of one patch differs much from that of the other patches."""
+        """Raise InputError if the mean wavelength of one patch differs much from the median over all patches."""
         waves = np.array(
             [2 * np.pi * patch.rms_height / (patch.rms_slope or np.inf) for patch in self.patches]
         )
@@ -172,7 +173,7 @@ class Patches(Plotted):
         return self.apply_to_each(lambda p: p.low_pass(wavelength))
 
     def high_pass(self, wavelength: float) -> Patches:
-        """Remove the waves of each patch that `low_pass` would keep."""
+        """Remove the waves of each patch that are at least as long as `wavelength` [m]."""
         return self.apply_to_each(lambda p: p.high_pass(wavelength))
 
     def flip(self, axis: int) -> Patches:
@@ -184,13 +185,17 @@ class Patches(Plotted):
         return self.apply_to_each(lambda p: p.without_spikes(threshold))
 
     def fill_undefined(self, max_share: float = 0.05) -> Patches:
-        """Fill the undefined points of each patch; at most the fraction `max_share` of its points may be undefined."""
+        """Fill the undefined points of each patch.
+
+        At most the fraction `max_share` of the points of a patch may be undefined.
+        """
         return self.apply_to_each(lambda p: p.fill_undefined(max_share))
 
     def resample(self, shape: Shape) -> Patches:
         """Interpolate each patch by its Fourier series, so that all patches together have about `shape` points.
 
-        The number of points along x2 is exact if it can be divided between the patches in proportion to their lengths.
+        The number of points along x2 is exactly `shape[1]` if `shape[1]` can be divided between the patches in
+        proportion to their lengths.
         """
         # Each patch consists of a whole number of parts with this number of columns. All parts get the same number of
         # new columns, so that all patches keep the same pixel size.
@@ -203,18 +208,21 @@ class Patches(Plotted):
         return self.apply_to_each(lambda p: p.with_form(profile))
 
     def with_heights(self, heights: NDArray) -> Patches:
-        """Return patches with other heights (n1, n2) [m] at the same points."""
+        """Return patches on the same points with the given heights, (n1, n2) [m]."""
         heights_of_patches = self.split(heights)
         return self.with_patches(
             [p.with_heights(z) for p, z in zip(self.patches, heights_of_patches, strict=True)]
         )
 
     def apply_to_each(self, change: Callable[[Topography], Topography]) -> Patches:
-        """Apply a function to each patch. The results must have the same pixels."""
+        """Apply a function to each patch.
+
+        The maps that the function returns must all have the same pixel size and number of rows.
+        """
         return self.with_patches([change(p) for p in self.patches])
 
     def with_patches(self, patches: Sequence[Topography]) -> Patches:
-        """Return an object with other patches, which must already have the same pixels and are not checked again."""
+        """Return a `Patches` object with the given patches, which must already have the same pixels."""
         result = object.__new__(Patches)
         object.__setattr__(result, "patches", tuple(patches))
         return result
@@ -231,10 +239,10 @@ class Patches(Plotted):
 
 
 class Places(Patches):
-    """Accept the former name of `Patches` until the next version."""
+    """Offer `Patches` under its former name until the next version."""
 
     def __init__(self, patches: Iterable[Topography]) -> None:
-        """Warn that the name has changed."""
+        """Make patches, and warn that `Places` is now called `Patches`."""
         warnings.warn("Places is Patches now", DeprecationWarning, stacklevel=2)
         super().__init__(patches)
 
@@ -259,7 +267,7 @@ def split_patches(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
 
 
 def _check_patches(patches: Sequence[Topography]) -> None:
-    """Raise InputError if maps cannot be patches of the same surface, see `Patches`."""
+    """Raise InputError if the given maps cannot be patches of the same surface, see `Patches`."""
     if len(patches) < 2:
         given = f"{len(patches)} of them"
         raise InputError(
@@ -286,18 +294,18 @@ def _check_patches(patches: Sequence[Topography]) -> None:
 
 
 def _check_alike(name: str, values: NDArray, most: float, expected: str) -> None:
-    """Raise InputError if the value of a patch differs much from the median of all patches.
+    """Raise InputError if a property of one patch differs much from the median over all patches.
 
     Parameters
     ----------
     name : str
-        Name of the value, for the message.
+        Name of the property, for the message.
     values : array, (patches,)
-        One value for each patch [m].
+        Value of the property for each patch [m].
     most : float
         Largest allowed ratio of a value to the median, or of the median to a value.
     expected : str
-        What is expected of the patches, for the message.
+        What the patches should have in common, for the message.
     """
     median = float(np.median(values))
     # a value of 0 or an undefined value counts as an infinite ratio

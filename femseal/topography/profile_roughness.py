@@ -1,8 +1,8 @@
-"""Compute Ra and Rz of the profiles of a generated surface across the lay, for comparison with a drawing.
+"""Compute Ra and Rz of profiles across the lay of a generated surface, for comparison with a drawing.
 
 The long-wave filter is chosen by the mean spacing RSm of the profile elements, which is the feed per revolution of a
-turned surface. If the surface is shorter than the cut-off of this filter, it is not filtered. Sources: ISO 21920-2 (Ra,
-Rz), ISO 21920-3 (filters).
+turned surface. If the surface is shorter than the cut-off of the long-wave filter, the profiles are not filtered.
+Sources: ISO 21920-2 (Ra, Rz), ISO 21920-3 (filters).
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ class ProfileRoughness:
     Attributes
     ----------
     ra, rz : float
-        Arithmetic mean deviation Ra, and mean height Rz of the sections of a profile [m].
+        Arithmetic mean deviation Ra [m], and mean peak-to-valley height Rz [m] of the sections of a profile.
     cut_off : float
         Cut-off λc of the long-wave filter [m]; NaN if the surface is too short to be filtered.
     """
@@ -43,8 +43,8 @@ def profile_roughness(surface: Topography, spacing: float | None = None) -> Prof
     surface : Topography
         The surface, without undefined points.
     spacing : float, optional
-        Mean spacing RSm of the profile elements [m], which determines the filter. If it is None, Ra determines the
-        filter.
+        Mean spacing RSm of the profile elements [m], from which the long-wave filter is chosen. If `spacing` is None,
+        the filter is chosen from Ra.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Define the options that a reader of height files receives, and the record that it returns."""
+"""Define the options for reading a file of heights, and the record of the content of the file."""
 
 import os
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ class Raw:
     Parameters
     ----------
     heights : array, (n1, n2)
-        Numbers as they are in the file, NaN where undefined.
+        Numbers without conversion of their unit, NaN where undefined.
     height_unit : float, optional
-        Unit of the heights [m], for example 1e-6 for micrometres. None if the file does not state it.
+        Unit of the heights [m], for example 1e-6 for micrometres. None if the file does not state the unit.
     spacing : tuple of two float, optional
-        Pixel size [m]. None if the file does not state it.
+        Pixel size [m]. None if the file does not state the pixel size.
     needs_unit : bool
-        Whether heights without a unit are refused. If False, such heights are in metres.
+        Whether heights without a unit are refused (True) or taken to be in metres (False).
     mask : array of bool, (n1, n2), optional
         Points that are masked in the file.
     instrument : Instrument
@@ -36,7 +36,7 @@ class Raw:
     unclear : str
         Text in the file about the unit or the pixel size that could not be interpreted, for messages.
     notes : tuple of str
-        Notes on how the file was interpreted, where this is not obvious.
+        Notes on how the file was interpreted, where several interpretations are possible.
     """
 
     heights: NDArray
@@ -80,8 +80,8 @@ def bad_file(path: Path, given: object, allowed: str) -> InputError:
 def length_unit(text: str) -> float | None:
     """Convert a unit of length, as it is written in files, to metres; return None if the text is not a unit of length.
 
-    Brackets around the unit and "/pixel" after it are ignored. A micro sign may be garbled: "Âµm" was written in UTF-8
-    and read in an older encoding, "æm" comes from DOS.
+    Brackets around the unit and "/pixel" after the unit are ignored. A micro sign may be garbled: "Âµm" was written in
+    UTF-8 and read in an older encoding, "æm" comes from DOS.
 
     Examples
     --------

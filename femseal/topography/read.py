@@ -1,8 +1,9 @@
 """Read measured height maps from files of any kind; refuse maps whose unit or pixel size is unknown or implausible.
 
-A mask of undefined points may be in a separate file: an image, a text or an array, whose values are not 0 at undefined
-points. The mask has the same orientation as the heights in their file. A line of an image or a text runs along the x
-axis of the file, and the first line is at the first y; NumPy arrays are not transposed.
+A separate file may contain a mask of undefined points: an image, a text or an array that contains numbers other than 0
+at undefined points. The mask must have the same orientation as the heights in their file. In an image and in a text,
+the points of a line lie along the x axis of the file, and the first line of the file has the index 0 along y. NumPy
+arrays are not transposed.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ class Look:
     instrument : Instrument
         Limits of the instrument according to the file and the caller.
     notes : tuple of str
-        Notes on how the file was interpreted, where this is not obvious.
+        Notes on how the file was interpreted, where several interpretations are possible.
     """
 
     topography: Topography
@@ -79,29 +80,30 @@ class Look:
 def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
     """Read a height map from a file.
 
-    Undefined points are NaN, and the heights are as measured, including their tilt. The format follows from the suffix:
+    The returned map contains the heights as measured, including their tilt. Undefined points are NaN. The format
+    follows from the suffix:
 
-    - .npy and .npz: heights in metres. The pixel size is the array `spacing` in the .npz, or is given by the caller.
+    - .npy and .npz: heights in metres. An array `spacing` in the .npz, or the caller, gives the pixel size.
     - .csv .asc .txt .xyz .tsv .prn .dat: texts with a matrix of heights, or coordinates x y z on a regular grid, in
       metres unless the header states another unit.
     - .x3p and .sdf.
     - every other format through SurfaceTopography (femseal[surface]).
 
-    The x axis of the file becomes x1, and a line of a text runs along x1. NumPy arrays are not transposed. A size,
-    spacing or unit that the caller gives overrides that of the file, because units in files are sometimes wrong.
-    Assumptions about the file are logged.
+    The x axis of the file becomes x1; in a text file, the points of a line lie along x. NumPy arrays are not
+    transposed. If the caller gives a size, spacing or unit, it overrides the size, spacing or unit in the file, because
+    files sometimes contain wrong units. Assumptions about the file are logged.
 
     Parameters
     ----------
     path : path
         The file.
     size, spacing : float or tuple of two float, optional
-        Sides of the whole map, or pixel size, along x1 and x2 after `transpose` [m]. Either `size` or `spacing` is
-        needed if the file does not contain the pixel size.
+        Sides of the whole map, or pixel size, along x1 and x2 after `transpose` [m]. If the file does not contain the
+        pixel size, the caller must give either `size` or `spacing`.
     height_unit : str, optional
         Unit of the numbers in the file, such as "um".
     delimiter : str, optional
-        Separator of the numbers of a text. Default: semicolon, tab, comma or blanks, whichever the file contains.
+        Separator of the numbers of a text. Default: the separator is recognised (semicolon, tab, comma or blanks).
     array : str, optional
         Name of the heights in an .npz file with several arrays.
     channel : int or str
@@ -112,20 +114,21 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
         File that marks undefined points by values other than 0: an image, a text or a .npy file with the same
         orientation as the file of the heights.
     file_mask : bool
-        Whether points under a mask in the file itself (.gwy, or `mask` in an .npz) are undefined. If False, they have
-        the heights that the file contains.
+        Whether points are undefined if a mask in the file itself (.gwy, or `mask` in an .npz) marks them. If False,
+        masked points have the heights that the file contains.
     no_data : float or "none", optional
-        Number that marks points that were not measured, such as -9999. With "none", every number is a height. Default:
-        the number that the header states, or a number that programs commonly write for undefined points and that is far
-        from all other numbers.
+        Number that marks points that were not measured, such as -9999. "none" states that every number in the file is a
+        height. Default: the number that the header of the file states. If the header states no number, a number counts
+        as such a mark if programs commonly write it for undefined points and if it is far from all other numbers.
     verify_checksum : bool
         Whether to refuse an .x3p file with a wrong checksum.
     crop : tuple of four float, optional
-        Part of the map to keep: start and end along x1, start and end along x2 [m].
+        Part of the map that is returned: start and end along x1, start and end along x2 [m].
     periodic : tuple of two bool
-        Whether the surface is periodic along x1 and x2 of the result.
+        Whether the returned map is periodic along x1 and x2.
     tip_radius, resolution : float, optional
-        Tip radius and lateral resolution of the instrument [m], see `Instrument`. They do not change the map.
+        Tip radius and lateral resolution of the instrument [m], see `Instrument`. Tip radius and resolution do not
+        change the heights.
 
     Returns
     -------
@@ -135,11 +138,13 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
     Raises
     ------
     InputError
-        The file cannot be read; it contains a profile, or points that are not on a grid; the pixel size or the unit is
-        unknown; many points have the same number, which is far from all other numbers; or the mask or the crop does not
-        fit the map. Implausible maps are refused as well: sides outside 1 nm to 1 m unless the caller gives `size` or
-        `spacing`, Sq above 10 mm unless the caller gives `height_unit`, and slopes above 10 at half of the points
-        unless the caller gives both.
+        The file cannot be read, contains a profile, or contains points that are not on a grid. The pixel size or the
+        unit is unknown. Many points have the same number, which is far from all other numbers. The mask or the crop
+        does not fit the map.
+
+        Implausible maps are also refused: sides outside 1 nm to 1 m (unless the caller gives `size` or `spacing`), an
+        Sq above 10 mm (unless the caller gives `height_unit`), and slopes above 10 at half of the points (unless the
+        caller gives both the size and the unit).
 
     Examples
     --------
@@ -214,7 +219,7 @@ def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
 
 
 def _combine_instruments(file_instrument: Instrument, given: Reading) -> Instrument:
-    """Return the limits of the instrument. A limit that the caller gives replaces that of the file."""
+    """Return the limits of the instrument; limits from the caller replace limits from the file."""
     lengths = {}
     for name in ("tip_radius", "resolution"):
         length = getattr(given, name)
@@ -237,7 +242,7 @@ def _pixel_size(file_pixel: Pair | None, given: Reading, shape: tuple[int, ...])
     """Return the pixel size along x1 and x2 [m], which the caller or otherwise the file gives.
 
     file_pixel : pixel size along x and y of the file [m].
-    shape : number of points of the map after `transpose`.
+    shape : number of points of the map along x1 and x2, after `transpose`.
     """
     if given.spacing is not None:
         return validate.lengths("spacing", given.spacing)
@@ -342,9 +347,12 @@ def _unknown_unit(path: Path, unclear: str) -> InputError:
 
 
 def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator[InputError]:
-    """Yield an error for each value that is so implausible that its unit must be wrong.
+    """Yield an error for each implausible value: size, rms height or slope.
 
-    Units that the caller gives are not checked. The slope is checked only if size and heights are plausible.
+    Such values are usually due to a wrong unit.
+
+    Units that the caller gives are not checked. The slope is checked only if the size and the rms height of the map are
+    plausible.
     """
     is_size_given = given.size is not None or given.spacing is not None
     is_unit_given = given.height_unit is not None
@@ -377,7 +385,7 @@ def _sampled_deviation(topography: Topography) -> float:
 
 
 def _median_slope(topography: Topography) -> float:
-    """Return the median slope between neighbouring points along the steeper axis, in a sample of lines.
+    """Return the larger median, along x1 or x2, of the slope between neighbouring points in a sample of lines.
 
     The median is not affected by spikes and undefined points.
     """
@@ -399,15 +407,15 @@ _ARRAYS = (".npy", *TEXT)
 
 
 def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
-    """Read a mask of undefined points from a file. Points whose value is not 0 are undefined.
+    """Read a mask of undefined points from a file. Points with a number other than 0 are undefined.
 
     Parameters
     ----------
     path : path
-        An image (.png, .tif, .bmp or .gif), in which black points have the value 0 and transparency is ignored; or
-        numbers in .npy, .csv, .asc or .txt.
+        An image (.png, .tif, .bmp or .gif) or numbers (.npy, .csv, .asc or .txt). In an image, black points have the
+        value 0, and transparency is ignored.
     shape : tuple of two int
-        Shape of the heights in their file, with x as first axis.
+        Number of points of the heights in their file along x and y.
 
     Returns
     -------
@@ -417,7 +425,7 @@ def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
     Raises
     ------
     InputError
-        The file does not exist, cannot be read, or has another shape.
+        The file does not exist, cannot be read, or has another number of points.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -436,7 +444,7 @@ def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
 
 
 def _read_image(path: Path, options: Reading) -> Raw:
-    """Read an image; the value of a point is the largest of its red, green and blue."""
+    """Read an image as an array of numbers; each number is the largest of the red, green and blue value of a point."""
     from PIL import Image
 
     with unprinted(), Image.open(path) as image:
