@@ -62,13 +62,24 @@ def new(
     metal: Annotated[
         str | None,
         _drawing_option(
-            "Metal of the softer face, such as 'silver, annealed'; an unknown name lists all.",
+            "Metal of the softer or plated face, such as 'copper, soft'; an unknown name lists all.",
             "copper, soft",
         ),
     ] = None,
     hardness: Annotated[
         str | None,
         _drawing_option("Its hardness, such as 0.5GPa or '45 HV'.", "typical of the metal"),
+    ] = None,
+    plating: Annotated[
+        str | None,
+        _drawing_option("Metal of a plating on this face, such as 'silver, annealed'.", "none"),
+    ] = None,
+    plating_thickness: Annotated[
+        str | None, _drawing_option("Thickness of the plating, such as 20um.", "none")
+    ] = None,
+    plating_hardness: Annotated[
+        str | None,
+        _drawing_option("Hardness of the plating, such as '60 HV'.", "typical of its metal"),
     ] = None,
     force: Annotated[
         str | None,
@@ -101,6 +112,9 @@ def new(
         "outer_diameter": outer_diameter,
         "metal": metal,
         "hardness": hardness,
+        "plating": plating,
+        "plating_thickness": plating_thickness,
+        "plating_hardness": plating_hardness,
         "force": force,
         "fluid": fluid,
         "inlet": inlet,

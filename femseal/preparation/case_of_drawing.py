@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from math import pi, sqrt
+from math import inf, pi, sqrt
 from typing import Any, NamedTuple
 
 import scipy.fft
@@ -67,8 +67,13 @@ QUESTIONS = {
     "lay": Question("lay of the marks: circular, radial or spiral", "circular"),
     "inner_diameter": Question("inner diameter of the contact area", "50 mm"),
     "outer_diameter": Question("outer diameter of the contact area", "54 mm"),
-    "metal": Question(f"metal of the softer face, one of {'; '.join(METALS)}", "copper, soft"),
+    "metal": Question(
+        f"metal of the softer or plated face, one of {'; '.join(METALS)}", "copper, soft"
+    ),
     "hardness": Question("its hardness, such as 0.5 GPa or 45 HV (empty: typical)"),
+    "plating": Question("metal of a plating on it, such as 'silver, annealed' (empty: none)"),
+    "plating_thickness": Question("thickness of the plating, such as 20 um"),
+    "plating_hardness": Question("hardness of the plating, such as 60 HV (empty: typical)"),
     "force": Question("highest force of the assembly, such as 80 kN (empty: 0.3 of the hardness)"),
     "fluid": Question("fluid", "helium"),
     "inlet": Question("absolute pressure at the inlet", "2 bar"),
@@ -79,6 +84,15 @@ QUESTIONS = {
 _USUAL_SPACING = {"ground": "60 um", "lapped": "40 um", "blasted": "100 um"}
 _PROCESSES = ("turned", *_USUAL_SPACING)
 _LAYS = ("circular", "radial", "spiral")
+
+
+@dataclass(frozen=True)
+class Plating:
+    """Plating of the softer face: its metal, a name of `METALS`, its thickness [m], and its hardness [Pa]."""
+
+    metal: str
+    thickness: float
+    hardness: float
 
 
 @dataclass(frozen=True)
@@ -98,7 +112,9 @@ class Drawing:
     metal : str
         Metal of the softer face, a name of `METALS`.
     hardness, force : float
-        Hardness of the softer face [Pa], and highest force of the assembly [N].
+        Hardness of the softer face, below its plating [Pa], and highest force of the assembly [N].
+    plating : Plating or None
+        Plating of the softer face, if it has one.
     fluid, inlet, outlet : str
         Fluid and its absolute pressures, as text for the case file.
     limit : str
@@ -116,12 +132,18 @@ class Drawing:
     outer_diameter: float
     metal: str
     hardness: float
+    plating: Plating | None
     force: float
     fluid: str
     inlet: str
     outlet: str
     limit: str
     assumed: frozenset[str]
+
+    @property
+    def surface_hardness(self) -> float:
+        """Hardness of the softer face at its surface [Pa], which is that of the plating if there is one."""
+        return self.hardness if self.plating is None else self.plating.hardness
 
     @property
     def breadth(self) -> float:
@@ -179,6 +201,8 @@ def _needs_answer(name: str, texts: dict[str, str]) -> bool:
         return not ("ra" in texts or "rz" in texts)
     if name == "lay":  # isotropic surfaces have none
         return texts.get("process") not in ("lapped", "blasted")
+    if name in ("plating_thickness", "plating_hardness"):
+        return "plating" in texts
     return True
 
 
@@ -211,21 +235,21 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
     ):  # at least two marks must lie side by side on the contact area
         expected = f"at most half the breadth of the contact area, {to_text(breadth / 2, 'm')}"
         raise InputError("--pitch", texts["pitch"], expected)
-    metal = _metal_name(texts["metal"])
-    solid = named_solid(metal)
-    assert solid.hardness is not None
-    hardness = _hardness(texts["hardness"]) if "hardness" in texts else solid.hardness
+    metal = _metal_name("--metal", texts["metal"])
+    hardness = _hardness("hardness", texts, metal)
+    plating = _plating(texts)
+    surface_hardness = hardness if plating is None else plating.hardness
     area = pi / 4 * (outer**2 - inner**2)
     if "force" in texts:
         force = _positive("force", texts["force"], "N")
     else:
-        usual_force = _USUAL_PRESSURE * hardness * area
+        usual_force = _USUAL_PRESSURE * surface_hardness * area
         force = float(f"{usual_force:.2g}")  # rounded to two digits
-    if force >= hardness * area:
+    if force >= surface_hardness * area:
         given = f"{texts['force']}, which is {to_text(force / area, 'Pa', 3)} of nominal pressure"
-        raise InputError(
-            "--force", given, f"less than the hardness of {to_text(hardness, 'Pa', 3)}"
-        )
+        whose = "" if plating is None else " of the plating"
+        expected = f"less than the hardness{whose}, {to_text(surface_hardness, 'Pa', 3)}"
+        raise InputError("--force", given, expected)
     return Drawing(
         ra=lengths.get("ra"),
         rz=lengths.get("rz"),
@@ -236,6 +260,7 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
         outer_diameter=outer,
         metal=metal,
         hardness=hardness,
+        plating=plating,
         force=force,
         fluid=texts["fluid"],
         inlet=texts["inlet"],
@@ -252,33 +277,66 @@ def _one_of(name: str, text: str, choices: tuple[str, ...]) -> str:
     return text.lower()
 
 
-def _metal_name(text: str) -> str:
+def _plating(texts: dict[str, str]) -> Plating | None:
+    """Return the plating of the softer face, or None if there is none; see `_drawing_of_texts`."""
+    if "plating" not in texts:
+        for name in ("plating_thickness", "plating_hardness"):
+            if name in texts:
+                expected = (
+                    f"the metal of the plating, such as 'silver, annealed', with {_option(name)}"
+                )
+                raise InputError("--plating", "nothing", expected)
+        return None
+    metal = _metal_name("--plating", texts["plating"])
+    if "plating_thickness" not in texts:
+        raise InputError("--plating-thickness", "nothing", "the thickness, such as 20um")
+    thickness = _positive("plating_thickness", texts["plating_thickness"], "m")
+    return Plating(metal, thickness, _hardness("plating_hardness", texts, metal))
+
+
+def _metal_name(option: str, text: str) -> str:
     """Return the name of a metal as `METALS` spells it; raise InputError if the metal is unknown."""
     try:
         solid = named_solid(text)
     except InputError as error:
-        raise InputError("--metal", error.given, error.expected) from None
+        raise InputError(option, error.given, error.expected) from None
     return next(name for name, (known, _) in METALS.items() if known is solid)
+
+
+def _option(name: str) -> str:
+    """Return the option on the command line for a name of `QUESTIONS`."""
+    return f"--{name.replace('_', '-')}"
 
 
 def _positive(name: str, text: str, unit: str) -> float:
     """Convert a text to a value in SI. Raise InputError unless the value is > 0."""
-    option = f"--{name.replace('_', '-')}"
+    option = _option(name)
     value = to_si(text, unit, option)
     if not value > 0:
         raise InputError(option, shown(text), f"a value > 0 in {unit}")
     return value
 
 
-def _hardness(text: str) -> float:
-    """Convert a hardness to Pa. The text is a pressure, or a Vickers hardness such as "45 HV"."""
+def _hardness(name: str, texts: dict[str, str], metal: str) -> float:
+    """Return a hardness [Pa], or the typical hardness of a metal if the user gave none.
+
+    The text of the user is a pressure, or a Vickers hardness such as "45 HV". name : name of the hardness in `texts`.
+    """
+    if name not in texts:
+        solid = named_solid(metal)
+        assert solid.hardness is not None
+        return solid.hardness
+    text = texts[name]
     number, is_vickers, _ = text.upper().partition("HV")
     if not is_vickers:
-        return _positive("hardness", text, "Pa")
+        return _positive(name, text, "Pa")
     try:
-        return float(number) * VICKERS_PRESSURE
+        vickers = float(number)
     except ValueError:
-        raise InputError("--hardness", shown(text), "such as '45 HV' or '0.5 GPa'") from None
+        vickers = 0.0
+    if not 0 < vickers < inf:
+        raise InputError(_option(name), shown(text), "such as '45 HV' or '0.5 GPa'")
+    return vickers * VICKERS_PRESSURE
 
 
 class _SurfaceSize(NamedTuple):
@@ -425,15 +483,22 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
     lay: Any = {"circular": "x2", "radial": "x1"}.get(drawing.lay)
     if lay is None:
         lay = {"kind": "spiral", "lead": to_text(drawing.pitch, "m", 5)}
+    material: dict[str, Any] = {
+        "name": drawing.metal,
+        "hardness": to_text(drawing.hardness, "Pa", 3),
+    }
+    if drawing.plating is not None:
+        material["coating"] = {
+            "name": drawing.plating.metal,
+            "thickness": to_text(drawing.plating.thickness, "m", 5),
+            "hardness": to_text(drawing.plating.hardness, "Pa", 3),
+        }
     tables: dict[str, Any] = {
         "title": "Seal from a drawing",
         "method": "stochastic",
         "seed": 1,
         "face": face,
-        "material": {
-            "name": drawing.metal,
-            "hardness": to_text(drawing.hardness, "Pa", 3),
-        },
+        "material": material,
         "counter_material": {"young": "210 GPa", "poisson": 0.3},
         "load": {
             "loading": [_force(drawing.force * fraction) for fraction in _LOADING],
@@ -500,6 +565,11 @@ def _process_comment(drawing: Drawing) -> str:
     return f"{drawing.process}: isotropic"
 
 
+def _vickers_text(hardness: float) -> str:
+    """Return a hardness [Pa] as Vickers hardness, such as "45 HV"."""
+    return f"{number_text(hardness / VICKERS_PRESSURE, 2)} HV"
+
+
 def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str]:
     """Return the comments on keys of the case, by the pair (name of the table, name of the key)."""
 
@@ -511,8 +581,8 @@ def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str
     area = drawing.breadth * drawing.length
     pressure = drawing.force / area
     pressure_text = to_text(pressure, "Pa", 3)
-    fraction = f"{100 * pressure / drawing.hardness:.2g} %"
-    vickers = number_text(drawing.hardness / VICKERS_PRESSURE, 2)
+    fraction = f"{100 * pressure / drawing.surface_hardness:.2g} %"
+    vickers = _vickers_text(drawing.hardness)
     scaled = "scaled so that the surface has the roughness of the drawing"
     compared = "as on the drawing; `femseal check` compares the surface with it"
     size_comment = "as broad as the contact area, and at least 24 spacings long"
@@ -522,8 +592,16 @@ def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str
     if drawing.process not in ("turned", "ground"):
         lay_comment = "without effect, because the surface is isotropic"
     points_comment = f"for the first result; {better_points} is more accurate, but takes four to six times as long"
-    hardness_comment = f"{assumed('hardness')}{vickers} HV; measure it on the machined face"
+    hardness_comment = f"{assumed('hardness')}{vickers}; measure it on the machined face"
     force_comment = f"{assumed('force')}{pressure_text}, {fraction} of the hardness"
+    coating_comment = ""
+    if drawing.plating is not None:
+        hardness_comment = f"{assumed('hardness')}{vickers}, below the plating"
+        force_comment += " of the plating"
+        plating_vickers = _vickers_text(drawing.plating.hardness)
+        coating_comment = (
+            f"{assumed('plating_hardness')}{plating_vickers}; measure it on the plating"
+        )
     length_comment = f"{assumed('inner_diameter', 'outer_diameter')}mean circumference of the ring"
     return {
         ("face", "points"): points_comment,
@@ -542,6 +620,7 @@ def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str
             "name",
         ): f"{assumed('metal')}gives Young's modulus, Poisson's ratio and yield stress",
         ("material", "hardness"): hardness_comment,
+        ("material", "coating"): coating_comment,
         ("counter_material", "young"): "assumed: steel, harder than the other face",
         ("load", "unload_from"): force_comment,
         ("fluid", "name"): "assumed" if "fluid" in drawing.assumed else "",

@@ -134,6 +134,14 @@ def test_the_surface_is_as_broad_as_the_seal_and_its_cells_stay_in_order():
         ({"force": "800 kN"}, "--force"),
         ({"force": "-1 kN"}, "--force"),
         ({"ra": "0 um"}, "--ra"),
+        ({"hardness": "-45 HV"}, "--hardness"),
+        ({"plating": "silver, annealed"}, "--plating-thickness"),
+        ({"plating_thickness": "20 um"}, "--plating"),
+        ({"plating_hardness": "60 HV"}, "--plating"),
+        ({"plating": "unobtainium", "plating_thickness": "20 um"}, "--plating"),
+        ({"plating": "silver, annealed", "plating_thickness": "0 um"}, "--plating-thickness"),
+        # 80 kN are 273 MPa, more than the hardness of annealed silver
+        ({"plating": "silver, annealed", "plating_thickness": "20 um"}, "--force"),
     ],
 )
 def test_what_no_drawing_states_is_refused(changes, what):
@@ -156,7 +164,36 @@ def test_questions_are_asked_for_what_is_missing_alone():
     assert QUESTIONS["rz"].text not in asked
     assert QUESTIONS["metal"].text not in asked
     assert QUESTIONS["force"].text in asked
-    assert len(asked) == len(QUESTIONS) - 3
+    # Ra, Rz and the metal are not asked for, nor the properties of a plating that the user does not name
+    assert len(asked) == len(QUESTIONS) - 5
+
+
+def test_a_plating_is_asked_for_and_written_as_the_coating_of_the_softer_face():
+    answers = {"plating": "silver, annealed", "plating_thickness": "30 um"}
+    asked = []
+
+    def ask(text, assumed):
+        name = next(n for n, q in QUESTIONS.items() if q.text == text)
+        asked.append(name)
+        return answers.get(name, "")
+
+    given = {"ra": "1.6um", "pitch": "0.15mm", "metal": "inconel 718, aged"}
+    found = read_drawing(given, ask)
+    assert {"plating", "plating_thickness", "plating_hardness"} <= {*asked}
+    made = parse_case(tomllib.loads(case_of_drawing(found)))
+    silver, inconel = METALS["silver, annealed"][0], METALS["Inconel 718, aged"][0]
+    coating = made.material.coating
+    assert coating.thickness == pytest.approx(30e-6)
+    assert coating.young == silver.young
+    assert coating.hardness == pytest.approx(silver.hardness, rel=1e-2)
+    assert made.material.hardness == pytest.approx(inconel.hardness, rel=1e-2)
+    # the force that is assumed is 0.3 of the hardness of the plating
+    area = np.pi / 4 * (54e-3**2 - 50e-3**2)
+    assert found.force == pytest.approx(0.3 * silver.hardness * area, rel=0.05)
+    harder = case_of(**given | answers | {"plating_hardness": "60 HV"})
+    assert harder.material.coating.hardness == pytest.approx(60 * 9.80665e6 / 0.9272, rel=1e-2)
+    # 60 HV is more than twice the typical hardness of annealed silver: only a measured value is right
+    assert any("coating.hardness" in text for text in harder.named_warnings)
 
 
 def test_hardness_of_metals_is_that_of_an_indentation():
