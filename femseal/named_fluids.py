@@ -1,12 +1,12 @@
 """Look up the properties of fluids by name, and describe real gases.
 
-A table contains the properties of ten common fluids at 20 °C. For other fluids and other temperatures, CoolProp
-computes the properties at the mean of inlet and outlet pressure. A named gas is treated as an ideal gas with this
-viscosity. A named liquid has this density and viscosity.
+The table `TABLE` contains the properties of ten common fluids at 20 °C. For other fluids and other temperatures,
+CoolProp computes the density and the viscosity at the mean of inlet and outlet pressure. A named gas is treated as an
+ideal gas with a constant viscosity. A named liquid has a constant density and a constant viscosity.
 
-The potential of a real gas is φ = ∫ρ/η dp, as for any fluid. It is tabulated once for each gas and temperature, from
-the density and viscosity by CoolProp. In narrow gaps, the gas flows by the law of Fukui and Kaneko with the mean free
-path of the real gas, which is proportional to η/ρ.
+The pressure potential of a real gas is φ = ∫ρ/η dp, with the density ρ and the viscosity η from CoolProp. The potential
+is tabulated once for each gas and temperature. In narrow gaps, the gas flows by the law of Fukui and Kaneko with the
+mean free path of the real gas, which is proportional to η/ρ.
 """
 
 from __future__ import annotations
@@ -36,7 +36,8 @@ _ERROR = 1e-7
 _FIRST_PRESSURE = 1e5
 #: Number of pressures above 0 in the first table of a real gas, before points are added.
 _FEWEST = 33
-#: Highest pressure of the table [Pa]. No seal carries a higher pressure, and equations of state are not valid above it.
+#: Highest pressure in the table of a real gas [Pa]. No seal carries a higher pressure, and equations of state are not
+#: valid at higher pressures.
 _HIGHEST = 1e9
 #: Two gases are taken to be the same if the relative difference of their molar masses is at most this large. Nitrogen
 #: and ethylene, the closest pair, differ by 1.5e-3.
@@ -45,22 +46,23 @@ _SAME_MASS = 1.3e-3
 _SAME_VISCOSITY = 1.3
 #: A pressure at which every gas is ideal [Pa].
 _THIN = 1.0
-#: A temperature above the critical temperatures of all gases in the table; that of methane, 191 K, is the highest.
+#: Temperature above the critical temperatures of all gases in the table [K]. The highest critical temperature is 191 K,
+#: of methane.
 _ABOVE_CRITICAL = 200.0
-#: Smallest slope dφ/dp of a potential in divisions [s/m²]; the slope at zero pressure is 0.
+#: Smallest slope dφ/dp of a potential by which is divided [s/m²], because the slope at zero pressure is 0.
 _LEAST_SLOPE = 1e-200
 
 
 @dataclass(frozen=True)
 class NamedFluid:
-    """Hold the properties of a fluid, with the names of the parameters of a class in `femseal.fluids`.
+    """Hold the properties of a named fluid, from which `femseal.fluids` makes a liquid or an ideal gas.
 
     Parameters
     ----------
     kind : str
         Kind of the fluid, "liquid" or "ideal-gas".
     parameters : dict
-        Parameters of a fluid of this kind, by name, in SI units.
+        Properties of the fluid in SI units, by the names of the parameters of `Liquid` or `IdealGas`.
     """
 
     kind: str
@@ -68,13 +70,13 @@ class NamedFluid:
 
 
 def _gas(viscosity: float, molar_mass: float, temperature: float = TABLE_TEMPERATURE) -> NamedFluid:
-    """Make the entry of an ideal gas for `TABLE`."""
+    """Return the properties of an ideal gas as an entry of `TABLE`."""
     parameters = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": temperature}
     return NamedFluid("ideal-gas", parameters)
 
 
 def _liquid(viscosity: float, density: float) -> NamedFluid:
-    """Make the entry of a liquid for `TABLE`."""
+    """Return the properties of a liquid as an entry of `TABLE`."""
     return NamedFluid("liquid", {"viscosity": viscosity, "density": density})
 
 
@@ -133,7 +135,8 @@ def named_fluid(
     temperature : float
         Temperature [K].
     pressures : tuple of two float
-        Absolute pressures at inlet and outlet [Pa]. CoolProp computes the properties at the mean of the two.
+        Absolute pressures at inlet and outlet [Pa]. CoolProp computes the properties at the mean of inlet and outlet
+        pressure.
 
     Raises
     ------
@@ -173,7 +176,7 @@ def named_fluid(
 def _plain_name(name: object) -> str:
     """Simplify the name of a fluid, so that different spellings of a name become equal.
 
-    The result has neither capital letters nor spaces, hyphens or underscores. "sulph" becomes "sulf".
+    The simplified name contains no capital letters, spaces, hyphens and underscores, and "sulf" in place of "sulph".
     """
     plain = str(name).casefold().translate(str.maketrans("", "", " -_"))
     return plain.replace("sulph", "sulf")
@@ -218,7 +221,7 @@ def _coolprop_and_name(name: Any, temperature: float) -> tuple[Any, str]:
 def _name_in_coolprop(name: object) -> str | None:
     """Return the name that CoolProp uses for a fluid, None if it does not know the fluid.
 
-    For example, it is "CarbonDioxide" for "CO2", "R-744" and "carbon dioxide".
+    For example, the name in CoolProp is "CarbonDioxide" for "CO2", "R-744" and "carbon dioxide".
     """
     return _names_in_coolprop().get(_plain_name(name))
 
@@ -241,7 +244,7 @@ def _names_in_coolprop() -> dict[str, str]:
 
 
 def _refuse(name: Any, temperature: float, allowed: str) -> NoReturn:
-    """Raise an InputError for a fluid at a temperature [K]. `allowed` describes the allowed fluids or temperatures."""
+    """Raise an InputError that rejects a fluid at a temperature [K]; `allowed` says what is allowed instead."""
     raise InputError("name", f"{shown(name)} at {temperature - 273.15:.4g} °C", allowed)
 
 
@@ -259,7 +262,10 @@ def _refuse_unknown(name: Any, temperature: float, error: ValueError) -> NoRetur
 
 @dataclass(frozen=True)
 class DenseGasSlip(FukuiKaneko):
-    """Describe the flow law of Fukui and Kaneko with the mean free path of a real gas, D = h ρ √(2R_sT)/2η.
+    """Describe the flow law of Fukui and Kaneko with the mean free path of a real gas.
+
+    The inverse Knudsen number of a gap h is D = h ρ √(2R_sT)/2η, with the density ρ and the viscosity η at the local
+    pressure, the specific gas constant R_s and the temperature T.
 
     Parameters
     ----------
@@ -268,7 +274,7 @@ class DenseGasSlip(FukuiKaneko):
     speed : float
         Molecular speed √(2R_sT) [m/s].
     gas : RealGas
-        Gas whose ρ/η determines the mean free path at every pressure.
+        Real gas, whose ratio ρ/η determines the mean free path at every pressure.
     """
 
     gas: RealGas
@@ -279,13 +285,13 @@ class DenseGasSlip(FukuiKaneko):
 
 
 def temperature_of_gas(**more: Any) -> Any:
-    """Declare the parameter `temperature` of a gas. `more` are further arguments for `base.validate.parameter`."""
+    """Return the declaration of the field `temperature` of a gas class; `more` goes to `base.validate.parameter`."""
     allowed = "a temperature above absolute zero, such as '20 °C'"
     return parameter("K", allowed, "temperature of the gas", usual=(2.0, 2000.0), **more)
 
 
 def slip_of_gas() -> Any:
-    """Declare the parameter `slip` of a gas."""
+    """Return the declaration of the field `slip` of a gas class."""
     meaning = "whether slip and free molecular flow in narrow gaps are taken into account"
     return described(meaning, default=True)
 
@@ -295,7 +301,7 @@ class Gas:
 
     #: Default outlet pressure of a case, absolute [Pa].
     outlet_pressure: ClassVar[float] = STANDARD_PRESSURE
-    #: Absolute pressure to which the volumes of a gas refer [Pa]. The temperature is that of the gas.
+    #: Absolute pressure at which volumes of a gas are given [Pa]. The volumes are given at the temperature of the gas.
     reference_pressure: ClassVar[float] = STANDARD_PRESSURE
 
     def __post_init__(self: Any) -> None:
@@ -318,9 +324,10 @@ class Gas:
 class RealGas(Gas):
     """Describe an isothermal real gas by its name, with density and viscosity from CoolProp.
 
-    The potential φ = ∫ρ/η dp has a relative error of at most 1e-6. A volume flow rate is given as that of an ideal gas
-    with the same mass flow rate and molar mass, at 101 325 Pa and the temperature of the gas. Throughputs and volumes
-    are therefore proportional to the number of molecules. CoolProp is required (`pip install 'femseal[fluids]'`).
+    The potential φ = ∫ρ/η dp has a relative error of at most 1e-6. A volume flow rate is given as the volume flow rate
+    of an ideal gas with the mass flow rate and the molar mass of the real gas, at 101 325 Pa and the temperature of the
+    gas. By this convention, volume flow rates and throughputs are proportional to the number of molecules. CoolProp is
+    required (`pip install 'femseal[fluids]'`).
 
     Parameters
     ----------
@@ -329,8 +336,8 @@ class RealGas(Gas):
     temperature : float
         Temperature T [K].
     slip : bool
-        Whether slip and free molecular flow in narrow gaps are taken into account. Their effect vanishes at high
-        pressure.
+        Whether slip and free molecular flow in narrow gaps are taken into account. Slip and free molecular flow vanish
+        at high pressure.
 
     Raises
     ------
@@ -364,13 +371,13 @@ class RealGas(Gas):
     def highest_pressure(self) -> float:
         """Highest pressure at which the properties are known and the fluid is a gas [Pa], at most 1 GPa.
 
-        If the gas condenses at this temperature, this is the saturation pressure.
+        The highest pressure is the saturation pressure if the gas condenses at its temperature.
         """
         return float(_table(self.name, self.temperature).pressures[-1])
 
     @property
     def condenses(self) -> bool:
-        """Whether the gas condenses at `highest_pressure`."""
+        """Whether the gas condenses at the pressure `highest_pressure`."""
         return _table(self.name, self.temperature).saturates
 
     def density_at(self, pressure: ArrayLike) -> Array:
@@ -395,7 +402,7 @@ class RealGas(Gas):
         φ = reals(potential)
 
         def slope(p: Array) -> Array:
-            """Return dφ/dp. A slope of 0 becomes a tiny number, so that Newton's method can divide by it."""
+            """Return dφ/dp, and a tiny number in place of 0, because Newton's method divides by the slope."""
             return np.maximum(table.slope(p), _LEAST_SLOPE)
 
         # at low pressure φ is proportional to p², so that p is nearly linear in √φ
@@ -403,12 +410,12 @@ class RealGas(Gas):
         return solve_for_pressure(φ, start, table.potential, slope)
 
     def check_pressure(self, name: str, pressure: float) -> None:
-        """Raise an InputError if the fluid is not a gas at a pressure [Pa], or if its properties are unknown there.
+        """Raise an InputError unless the fluid is a gas with known properties at a pressure.
 
         Parameters
         ----------
         name : str
-            Name of the pressure, for the message.
+            Name of the pressure in the error message, such as "inlet".
         pressure : float
             Absolute pressure [Pa].
         """
@@ -435,11 +442,11 @@ def solve_for_pressure(
     potentials : array
         Potentials [kg/(m³ s)].
     start : array
-        Initial guess of the pressures [Pa].
+        Initial guess of the pressure for each potential [Pa].
     potential : callable
         Potential φ(p) of a fluid.
     slope : callable
-        Derivative dφ/dp of this potential.
+        Derivative dφ/dp of the potential φ(p).
 
     Returns
     -------
@@ -479,7 +486,8 @@ class _Table(NamedTuple):
 def _state(name: str) -> Any:
     """Create the object with which CoolProp computes states of a gas.
 
-    It is not cached, because CoolProp reports errors if such objects still exist when the interpreter exits.
+    The object is not cached, because CoolProp reports errors if an object of this class still exists when the
+    interpreter exits.
     """
     from CoolProp.CoolProp import AbstractState
 
@@ -489,7 +497,7 @@ def _state(name: str) -> Any:
 def _properties(name: str, temperature: float, pressure: ArrayLike) -> tuple[Array, Array]:
     """Return density [kg/m³] and viscosity [Pa s] of a gas at pressures > 0 [Pa].
 
-    A ValueError is raised if CoolProp cannot compute them.
+    Raises a ValueError if CoolProp cannot compute the density or the viscosity.
     """
     import CoolProp
 
@@ -508,9 +516,9 @@ def _properties(name: str, temperature: float, pressure: ArrayLike) -> tuple[Arr
 def _table(name: str, temperature: float) -> _Table:
     """Tabulate the potential of a gas at a temperature [K].
 
-    A cubic spline interpolates the slope dφ/dp = ρ/η. Its integral is the potential φ. Midway between neighbouring
-    points, the slope of the spline is compared with the exact slope. Points are added there until the error is small
-    enough.
+    A cubic spline interpolates the slope dφ/dp = ρ/η. The integral of this spline is the potential φ. At the midpoint
+    between two neighbouring pressures of the table, the interpolated slope is compared with the exact slope. Midpoints
+    with too large an error are added to the table until the error is small enough.
     """
     from scipy.interpolate import CubicSpline
 
@@ -539,11 +547,12 @@ def _table(name: str, temperature: float) -> _Table:
 
 
 def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:
-    """Return the highest pressure in the table of a gas at a temperature [K], and whether the gas condenses there.
+    """Return the highest pressure in the table of a gas, and whether the gas condenses at this pressure.
 
-    Below the critical temperature, this is the saturation pressure [Pa]; above it, the highest pressure for which
-    CoolProp has an equation of state. If CoolProp cannot compute the properties there, the pressure is halved until it
-    can.
+    Below the critical temperature, the highest pressure of the table is the saturation pressure [Pa]. Above the
+    critical temperature, it is the highest pressure for which CoolProp has an equation of state, but at most 1 GPa. If
+    CoolProp cannot compute the density or the viscosity at this pressure, the pressure is halved, repeatedly if
+    necessary.
     """
     import CoolProp
 
@@ -566,16 +575,16 @@ def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:
 
 @dataclass(frozen=True)
 class IdealGasError:
-    """Hold the ratio of the leakage of an ideal gas to that of the corresponding real gas.
+    """Hold the leakage computed with an ideal gas, divided by the leakage with the corresponding real gas.
 
     Parameters
     ----------
     name : str
-        Name of the real gas, "" if it is unknown.
+        Name of the real gas, "" if the real gas is unknown.
     ratio : float
-        Leakage of the ideal gas divided by that of the real gas, NaN if it is unknown.
+        Leakage of the ideal gas, divided by the leakage of the real gas; NaN if the ratio is unknown.
     reason : str
-        Reason why the ratio is unknown, "" if it is known.
+        Reason why the ratio is unknown, "" if the ratio is known.
     """
 
     name: str
@@ -584,11 +593,11 @@ class IdealGasError:
 
 
 def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
-    """Compute the ratio between the leakage of an ideal gas and the leakage of the corresponding real gas.
+    """Compute the leakage with an ideal gas, divided by the leakage with the corresponding real gas.
 
-    CoolProp gives the properties of the real gas. The real gas is found by its molar mass. If several gases have this
-    molar mass, the gas with the closest viscosity is chosen. If CoolProp does not know the viscosity of the gas with
-    the closest molar mass, the ratio remains unknown.
+    The real gas is the gas in CoolProp with the molar mass of the ideal gas. If several gases have this molar mass, the
+    gas with the viscosity closest to the viscosity of the ideal gas is chosen. If CoolProp does not know the viscosity
+    of the gas with the closest molar mass, the ratio of the leakages is unknown.
 
     Parameters
     ----------
@@ -634,10 +643,11 @@ def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
 
 
 def is_nearly_ideal(gas: Any) -> bool:
-    """Return whether the real gas behind an ideal gas is nearly ideal.
+    """Return whether the real gas with the molar mass of an ideal gas behaves nearly like the ideal gas.
 
-    This is the case if the molar mass is that of a gas in `TABLE`, and the temperature is well above its boiling point.
-    Up to 20 bar, the real gas then deviates from the ideal gas by at most 2 %.
+    A gas is called nearly ideal if its molar mass is the molar mass of a gas in `TABLE`, and its temperature is above
+    the critical temperatures of the gases in `TABLE`. The leakage of a nearly ideal gas at up to 20 bar deviates from
+    the leakage of the ideal gas by at most 2 %.
     """
     masses = [fluid.parameters.get("molar_mass", 0.0) for fluid in TABLE.values()]
     is_in_table = any(abs(gas.molar_mass - mass) <= _SAME_MASS * mass for mass in masses)
@@ -647,14 +657,14 @@ def is_nearly_ideal(gas: Any) -> bool:
 def _recognise_gas(gas: Any) -> str:
     """Return the name of the real gas with the molar mass and the viscosity of an ideal gas, "" if there is none.
 
-    Gases in `TABLE` are found by their molar mass alone. For other gases, an ImportError is raised if CoolProp is not
-    installed.
+    Gases in `TABLE` are found by their molar mass alone. If no gas in `TABLE` has the molar mass, CoolProp is needed,
+    and an ImportError is raised if CoolProp is not installed.
     """
     for table_name, fluid in TABLE.items():
         mass = fluid.parameters.get("molar_mass", 0.0)
         if abs(gas.molar_mass - mass) <= _SAME_MASS * mass:
             return table_name
-    # among the gases of the same mass, the one with the closest viscosity is taken
+    # among the gases with the same molar mass, take the gas with the closest viscosity
     viscosity_differences = {}
     for name in _mass_differences(gas):
         with suppress(InputError, ValueError):
@@ -669,8 +679,8 @@ def _recognise_gas(gas: Any) -> str:
 def _mass_differences(gas: Any) -> dict[str, float]:
     """Find the fluids in CoolProp that have nearly the same molar mass as a gas.
 
-    Returns a dictionary from the name of each of these fluids to the relative difference between its molar mass and the
-    molar mass of the gas.
+    Returns a dictionary: the keys are the names of the fluids, and the values are the relative differences between the
+    molar mass of a fluid and the molar mass of the gas.
     """
     from CoolProp import CoolProp
 
@@ -684,7 +694,7 @@ def _mass_differences(gas: Any) -> dict[str, float]:
 
 
 def _closest_in_mass(gas: Any) -> str:
-    """Return the fluid in CoolProp with the molar mass closest to that of a gas, "" if none is close enough."""
+    """Return the fluid in CoolProp with the molar mass closest to a given gas, "" if no molar mass is close enough."""
     differences = _mass_differences(gas)
     return min(differences, key=lambda name: differences[name], default="")
 
@@ -693,7 +703,7 @@ def _closest_in_mass(gas: Any) -> str:
 def _has_viscosity(name: str) -> bool:
     """Return whether CoolProp can compute the viscosity of a fluid.
 
-    name : main name of the fluid in CoolProp.
+    name : name of the fluid in `CoolProp`, see `_name_in_coolprop`.
     """
     import CoolProp
 
@@ -707,5 +717,5 @@ def _has_viscosity(name: str) -> bool:
 
 
 def _means_no_viscosity(error: ValueError) -> bool:
-    """Return whether an error of CoolProp says that it has no model for the viscosity of the fluid."""
+    """Return whether an error message of CoolProp says that CoolProp has no viscosity model for the fluid."""
     return "iscosity model" in str(error)

@@ -1,8 +1,9 @@
 """Read leakages from the dataset of a run, with their units, error budgets and 95 % intervals.
 
-The *leakage of the best method* is the answer of a run. The *class leakage* is the leakage that is compared with the
-limits of leakage classes. It is the leakage of the test fluid if the case has one, and the leakage of the best method
-otherwise. All functions take a dataset that `assemble` has made.
+The *leakage of the best method* is the main result of a run. The *class leakage* is the leakage that is compared with
+the limits of leakage classes. If the case has a test fluid, the class leakage is the leakage of the test fluid.
+Otherwise, the class leakage is the leakage of the best method. The argument `data` of the functions is a dataset that
+was made by `assemble`.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ _BASIS_ATTRIBUTES = {
 
 
 def best_method(data: xarray.Dataset) -> str:
-    """Return the best method of a run, "median" (of the realisations), "two-scale", "blocks" or "deterministic"."""
+    """Return the best method of a run: "median" (of realisations), "two-scale", "blocks" or "deterministic"."""
     return next(method for method, variable in METHODS.items() if variable in data)
 
 
@@ -53,7 +54,7 @@ def best_leakage(data: xarray.Dataset) -> xarray.DataArray:
 def open_steps(data: xarray.Dataset) -> list[int]:
     """Return the load steps at which the fluid carries the whole load.
 
-    The surfaces are separated there, so that the model gives no leakage.
+    At these load steps, the surfaces are separated and the leakage is unknown.
     """
     steps: list[int] = json.loads(data.attrs.get("open_steps", "[]"))
     return steps
@@ -63,11 +64,11 @@ def open_steps(data: xarray.Dataset) -> list[int]:
 
 
 def basis_attributes(basis: LeakBasis, prefix: str = "") -> dict[str, float]:
-    """Return the attributes in which a dataset stores a `LeakBasis`, except the seal length.
+    """Return the data that convert a leakage to other units as attributes of a dataset, except the seal length.
 
     Parameters
     ----------
-    basis : data of the fluid and the seal that convert a leakage to another unit.
+    basis : properties of the fluid and the seal that are needed to convert a leakage to another unit.
     prefix : text before the name of each attribute, "test_" for the test fluid.
     """
     attributes = {}
@@ -79,7 +80,7 @@ def basis_attributes(basis: LeakBasis, prefix: str = "") -> dict[str, float]:
 
 
 def leak_basis_of(data: xarray.Dataset, prefix: str = "") -> LeakBasis:
-    """Return the seal length and the reference state of the fluid, which are needed to convert a leakage.
+    """Return the seal length and the fluid properties that are needed to convert a leakage to other units.
 
     Parameters
     ----------
@@ -96,9 +97,10 @@ def leak_basis_of(data: xarray.Dataset, prefix: str = "") -> LeakBasis:
 
 
 def asked_unit(data: xarray.Dataset) -> LeakUnit | None:
-    """Return the leakage unit that the case asks for, None if it does not ask for one.
+    """Return the leakage unit that is given in the case, None if the case gives no unit.
 
-    The unit may suit only the fluid of the case, only its test fluid, or both.
+    A unit for gases does not suit a liquid. The unit of the case may therefore suit the fluid of the case, the test
+    fluid, or both fluids.
     """
     return LEAK_UNITS.get(data.attrs.get("leakage_unit", ""))
 
@@ -120,7 +122,7 @@ def unit_of_leakage(data: xarray.Dataset) -> LeakUnit:
 def error_budgets(data: xarray.Dataset) -> dict[str, ErrorBudget]:
     """Return the error budgets by the name of their method, such as "deterministic", "two_scale" or "stochastic".
 
-    Methods without an error budget are left out.
+    A method without an error budget is not in the dictionary.
     """
     steps = load_programme(data)
     # note on each source of error, by method and source
@@ -141,7 +143,7 @@ def error_budgets(data: xarray.Dataset) -> dict[str, ErrorBudget]:
 
 
 def best_budget(data: xarray.Dataset) -> ErrorBudget | None:
-    """Return the error budget of the best method, None if the run has no error budget for it."""
+    """Return the error budget of the best method, None if the leakage of the best method has no error budget."""
     return error_budgets(data).get(_BUDGET_NAMES[best_method(data)])
 
 
@@ -149,12 +151,12 @@ def best_budget(data: xarray.Dataset) -> ErrorBudget | None:
 
 
 def has_test_fluid(data: xarray.Dataset) -> bool:
-    """Return whether a run has a test fluid. Its leakage then decides whether leakage classes are met."""
+    """Return whether a run has a test fluid, whose leakage is then compared with the leakage classes."""
     return "test_leakage" in data
 
 
 def class_basis_of(data: xarray.Dataset) -> LeakBasis:
-    """Return the seal length and the reference state of the fluid that decides on leakage classes."""
+    """Return the seal length and the properties of the fluid that is compared with the leakage classes."""
     return leak_basis_of(data, "test_" if has_test_fluid(data) else "")
 
 
@@ -187,9 +189,9 @@ def class_interval_of(
 ) -> tuple[Array, Array] | None:
     """Return the 95 % interval of the class leakage.
 
-    Only the leakage of the fluid of the run has an error budget. For a test fluid, this interval is multiplied by the
-    ratio of the two leakages. At steps at which the seal does not leak for one of the fluids, the largest ratio of all
-    steps is used, so that the upper end is not too low.
+    Only the leakage of the service fluid has an error budget. If the run has a test fluid, the interval of the service
+    leakage is multiplied by the ratio of the test leakage to the service leakage. At steps at which the service leakage
+    or the test leakage is 0, the largest ratio of all steps is used, so that the upper end is not too low.
 
     Parameters
     ----------
@@ -198,7 +200,8 @@ def class_interval_of(
 
     Returns
     -------
-    Lower and upper end (step,) [m²/s], NaN where unknown. The result is None if there is no error budget.
+    Lower and upper end of the 95 % interval, arrays (step,) [m²/s], NaN where unknown. The function returns None if the
+    run has no error budget.
     """
     if budget is None:
         budget = best_budget(data)

@@ -76,7 +76,7 @@ class RunComparison(Plotted):
     def band(self, run: int) -> tuple[Array, Array] | None:
         """Return the lower and upper quantile of the leakage of the realisations of a run.
 
-        The quantiles are arrays (step,) in `unit`. The result is None if the run has no realisations.
+        Each quantile is an array (step,) in `unit`. The method returns None if the run has no realisations.
         """
         results = self.runs[run]
         data = results.dataset
@@ -88,7 +88,7 @@ class RunComparison(Plotted):
     def interval(self, run: int) -> tuple[Array, Array] | None:
         """Return the lower and upper end of the 95 % interval of the leakage of a run.
 
-        The ends are arrays (step,) in `unit`. The result is None if the run has no error budget.
+        Each end of the interval is an array (step,) in `unit`. The method returns None if the run has no error budget.
         """
         budget = self.runs[run].budget
         if budget is None:
@@ -96,7 +96,7 @@ class RunComparison(Plotted):
         return budget.lower / self._factor(run), budget.upper / self._factor(run)
 
     def _factor(self, run: int) -> float:
-        """Return the leakage per unit seal length [m²/s] that equals 1 in `unit` for a run."""
+        """Return the leakage per unit seal length [m²/s] of a run that corresponds to a leakage of 1 in `unit`."""
         return self.runs[run].leak_basis.factor(self.unit)
 
     @property
@@ -107,7 +107,7 @@ class RunComparison(Plotted):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Labels of the runs. For a sweep, these are the settings that differ between runs, otherwise the names."""
+        """Labels of the runs, which are the settings that differ in a sweep, or otherwise the names of the runs."""
         if not self.keys:
             return self.names
         varied = []  # for each key whose values differ, a text for each run
@@ -129,8 +129,9 @@ class RunComparison(Plotted):
         Returns
         -------
         list of dict
-            Name of the run, settings of a sweep, load, and leakage in SI units and in `unit`. The names of the columns
-            contain their units. Intervals and quantiles that a run does not have are NaN.
+            Each dictionary contains the name of the run, the settings of a sweep, the load, and the leakage in SI units
+            and in `unit`. The keys contain the units. If a run has no interval or no quantiles, the corresponding
+            values are NaN.
         """
         rows = []
         for run, results in enumerate(self.runs):
@@ -165,8 +166,8 @@ class RunComparison(Plotted):
         -------
         xarray.Dataset
             Every numerical variable that has one value for each load step in all runs. The dimensions are `run` and
-            `step`. For a sweep over all combinations of some keys, the dimensions are these keys and `step`. Values of
-            a key are numbers if all of them can be read as numbers, and texts otherwise.
+            `step`. For a sweep over all combinations of the values of several keys, the dimensions are the keys of the
+            sweep and `step`. The values of a key are numbers if all values can be read as numbers, and texts otherwise.
 
         Raises
         ------
@@ -211,12 +212,13 @@ class RunComparison(Plotted):
         Returns
         -------
         TextTable
-            Table with one line for each run. The first columns are the keys of a sweep, or else the name of the run,
-            followed by the method if it differs between runs. If the cases have leakage classes in common, the load
-            from which on each class is met follows. The other columns give the leakage, with its 95 % interval in
-            brackets, at a few load steps that all runs have in common, or else at the highest load of each run. The
-            last column is the rank, with 1 for the run that leaks least. If the intervals overlap, it is
-            the range of possible ranks.
+            Table with one line for each run. The first columns contain the keys of a sweep, or the name of the run if
+            the runs are not a sweep. A column for the method follows if the method differs between the runs. If the
+            cases have leakage classes in common, further columns contain the load that is required to meet each class.
+            The next columns contain the leakage, with its 95 % interval in brackets, at a few load steps that all runs
+            have in common, or at the highest load of each run. The last column contains the rank, where rank 1 is the
+            run that leaks least. If the intervals of several runs overlap, the last column contains the range of
+            possible ranks.
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:
@@ -255,11 +257,11 @@ class RunComparison(Plotted):
         return with_intervals
 
     def _compared_steps(self) -> list[tuple[str, list[int]]]:
-        """Choose the load steps that the table shows.
+        """Choose the load steps at which the table gives the leakage.
 
         Returns
         -------
-        Heading of each column of leakage, and the index of its load step in every run.
+        Pairs, one for each column of leakage: heading of the column, and index of its load step in every run.
         """
         common = self.common_steps
         if not common:
@@ -281,15 +283,16 @@ class RunComparison(Plotted):
     def ranking(self) -> Ranking | None:
         """Ranking of the runs by their leakage at a load on loading that all runs have in common.
 
-        It is the highest load at which at least two runs leak, or else the highest common load. The ranking is None if
-        the runs have no such load in common.
+        The load of the ranking is the highest common load at which at least two runs leak. If fewer than two runs leak
+        at every common load, it is the highest common load. The ranking is None if the runs have no load on loading in
+        common.
         """
         step = self._ranked_step
         return None if step is None else self._ranking_at(step)
 
     @cached_property
     def _ranked_step(self) -> LoadStep | None:
-        """Load step of the ranking, None if the runs have no step on loading in common."""
+        """Load step at which the runs are ranked, None if the runs have no step on loading in common."""
         loading = [step for step in self.common_steps if step.unloaded_from is None]
         if not loading:
             return None
@@ -301,7 +304,7 @@ class RunComparison(Plotted):
         return highest_first[0]
 
     def _ranking_at(self, step: LoadStep) -> Ranking:
-        """Rank the runs by their leakage at a load step that occurs in all of them."""
+        """Rank the runs by their leakage at a load step that all runs have in common."""
         leakage = np.full(len(self.runs), np.nan)  # (run,)
         lower = leakage.copy()
         upper = leakage.copy()
@@ -365,11 +368,11 @@ def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None)
     Parameters
     ----------
     runs : mapping or sequence
-        Folders of results, or `Results`. The keys of a mapping are the names of the runs. The runs of a sequence are
+        Results folders, or `Results`. In a mapping, the keys are the names of the runs. In a sequence, the runs are
         named after their folders.
     unit : str, optional
-        Unit of leakage, such as "mL/min". By default, it is the unit of the cases if all cases have the same unit,
-        otherwise a rate per unit seal length that gives readable numbers.
+        Unit of the leakage, such as "mL/min". By default, the unit of the cases is used if all cases give the same
+        unit. Otherwise, a unit of leakage per unit seal length is chosen that gives readable numbers.
 
     Returns
     -------
@@ -413,7 +416,7 @@ def named(arguments: Sequence[str]) -> Mapping[str, Run] | Sequence[Run]:
 def _name_and_path(text: str) -> tuple[str, str]:
     """Split an argument NAME=DIR into name and folder.
 
-    The name is empty if the argument has no "=", or if the whole text is the path of an existing folder.
+    The returned name is empty if the argument has no "=", or if the whole argument is the path of an existing folder.
     """
     if Path(text).is_dir():
         return "", text
@@ -443,7 +446,7 @@ def compared(
 
 
 def _common_unit(runs: Sequence[Results]) -> LeakUnit:
-    """Return the leakage unit that all cases ask for, or else a rate per unit seal length with readable numbers."""
+    """Return the leakage unit that all cases give, or a unit per unit seal length that gives readable numbers."""
     unit = runs[0].asked_unit
     is_common = all(results.asked_unit == unit for results in runs)
     if unit is not None and is_common and all(results.leak_basis.has(unit) for results in runs):
@@ -453,14 +456,14 @@ def _common_unit(runs: Sequence[Results]) -> LeakUnit:
 
 
 def _pressure(step: LoadStep) -> float:
-    """Return the pressure of a step, as the key by which steps are sorted."""
+    """Return the pressure of a load step, to sort load steps by their pressure."""
     return step.pressure
 
 
 def _names_of(runs: Sequence[Results]) -> tuple[str, ...]:
     """Name each run after its folder, or by the path of its folder if two folders have the same name.
 
-    A run without a folder is named by its number.
+    A run without a folder is named by its number, such as "run 2".
     """
     folders = [results.folder for results in runs]
     names = _with_numbers([None if folder is None else folder.name for folder in folders])
@@ -476,7 +479,7 @@ def _with_numbers(names: Sequence[str | Path | None]) -> tuple[str, ...]:
 
 
 def _numbers_if_possible(texts: Sequence[str]) -> list[Any]:
-    """Convert texts to numbers; return the texts themselves if any of them is not a number."""
+    """Convert texts to numbers; return the texts unchanged if a text is not a number."""
     try:
         return [float(text) for text in texts]
     except ValueError:

@@ -25,7 +25,7 @@ from ..topography import Patches
 #: Number of shortest waves that each side of a cell should contain.
 ADVISED_WAVES = 8
 
-#: Name and text of a line. A line with the name "" continues the line above it.
+#: Name and text of a line. A line with the name "" belongs to the last line before it that has a name.
 Line = tuple[str, str]
 
 
@@ -44,14 +44,14 @@ def describe_case(
     prepared : Prepared
         The prepared case.
     estimate : QuickEstimate or None
-        Quick estimate of the leakage. It is None if such an estimate is not possible for this case.
+        Quick estimate of the leakage; None if a quick estimate is not possible for the case.
     form_effect : FormEffect or None
-        Effect of the form of a measured patch. It is None if the effect is not computed.
+        Effect of the form deviation of a measured patch on the leakage; None if the effect is not computed.
 
     Yields
     ------
     name, text : str
-        Name and text of a line. A line with the name "" continues the line above it.
+        Name and text of a line. A line with the name "" belongs to the last line before it that has a name.
     """
     scene = prepared.scene
     yield "face", " against ".join(_face_text(face) for face in case.face)
@@ -80,7 +80,7 @@ def describe_case(
 
 
 def _face_text(face: Face) -> str:
-    """Name the files of a measured face, or the kind of a generated one."""
+    """Name the files of a measured face, or the kind of a generated face."""
     if not isinstance(face, FileFace):
         return face.kind
     return ", ".join(str(patch.path) for patch in face.patches or [face])
@@ -89,7 +89,8 @@ def _face_text(face: Face) -> str:
 def _fluid_text(table: FluidTable) -> str:
     """Describe a fluid, and its pressures at inlet and outlet.
 
-    The description begins with the name of the fluid, unless the rest of it contains the name.
+    The name of the fluid is added at the beginning of the description, unless the description already contains the
+    name.
     """
     text = fluid_text(table.fluid)
     name = table.name or ""
@@ -121,7 +122,7 @@ def solids_text(case: Case) -> str:
 
 
 def _solid_text(solid: SolidTable) -> str:
-    """Describe a solid: elastic constants, hardness, coating, and the source of the properties of a named metal."""
+    """Describe a solid: elastic constants, hardness, coating, and the source of the data if a known metal is named."""
     text = f"E = {to_text(solid.young, 'Pa')}, ν = {solid.poisson:g}"
     text += _strength_text(solid)
     if solid.hardness_table:
@@ -134,7 +135,7 @@ def _solid_text(solid: SolidTable) -> str:
 
 
 def _coating_text(coating: CoatingTable) -> str:
-    """Describe a coating: elastic constants, hardness, and the source of the properties of a named metal."""
+    """Describe a coating: elastic constants, hardness, and the source of the data if a known metal is named."""
     text = f"E = {to_text(coating.young, 'Pa')}, ν = {coating.poisson:g}"
     return _with_metal(coating, text + _strength_text(coating))
 
@@ -194,13 +195,13 @@ def _surface_lines(prepared: Prepared, form_effect: FormEffect | None) -> Iterat
 
 
 def _line_unless_empty(text: str) -> Iterator[Line]:
-    """Yield a line that continues the line above it. If the text is empty, yield nothing."""
+    """Yield a line without a name, or no line if the text is empty."""
     if text:
         yield "", text
 
 
 def _roughness_text(scene: Scene) -> str:
-    """Return rms height and rms slope of the surface as text and, if it can yield, the ratio H/(E*·slope)."""
+    """Return rms height and rms slope of the surface as text and, for a plastic contact, the ratio H/(E*·slope)."""
     surface, hardness = scene.surface, scene.law.mean_hardness
     slope = surface.rms_slope
     text = f"rms height {to_text(surface.rms_height, 'm', 3)}, rms slope {slope:.3g}"
@@ -212,7 +213,7 @@ def _roughness_text(scene: Scene) -> str:
 
 
 def _filter_text(prepared: Prepared) -> str:
-    """Say which waves the low-pass filter has removed, and how much of the rms slope was lost with them."""
+    """Say which waves the low-pass filter has removed, and by how much the filter has reduced the rms slope."""
     surface = prepared.scene.surface
     shortest = prepared.conditioning.shortest_wave
     slope_before = prepared.conditioning.rms_slope_before
@@ -235,7 +236,7 @@ def _slip_lines(scene: Scene) -> Iterator[Line]:
 
 
 def _study_lines(prepared: Prepared) -> Iterator[Line]:
-    """Say how many problems every study solves, and how large they are."""
+    """Say how many contact and flow problems each study solves, and how many unknowns they have."""
     scene = prepared.scene
     steps = len(scene.steps)
     pixels = prod(scene.surface.shape)
@@ -286,7 +287,7 @@ def _stochastic_lines(prepared: Prepared) -> Iterator[Line]:
 
 
 def _cells_text(prepared: Prepared, cells: Shape) -> str:
-    """Return the number of cells and their size as text. If the cells contain few waves, advise larger ones."""
+    """Return the number of cells and their size as text, with a recommendation if the cells contain few waves."""
     sides = [side / m for side, m in zip(prepared.scene.surface.size, cells, strict=True)]
     n_waves = [side / prepared.conditioning.shortest_wave for side in sides]
     size = " × ".join(to_text(side, "m", 3) for side in sides)

@@ -1,8 +1,9 @@
 """Forecast time, memory and disk space of a run before it is started, for `femseal check` and for the report.
 
-The numbers of unknowns, the memory and the disk space follow from the sizes in the case. The time follows from the
-numbers of pixels, load steps and elements, and from the throughput that was measured in other runs. It is given as a
-range, because the number of iterations is only known after the surface has been solved.
+The numbers of unknowns, the memory and the disk space follow from the sizes in the case. The computing time is
+estimated from the numbers of pixels, load steps and elements, with the computing speed that was measured in other runs.
+The computing time is given as a range, because the number of iterations is only known after the contact has been
+solved.
 """
 
 from collections import Counter
@@ -51,24 +52,24 @@ _PICTURES_BYTES = 4.5e6
 
 @dataclass(frozen=True)
 class Forecast:
-    """Expected time and memory of a run.
+    """Hold the expected time and memory of a run.
 
     Parameters
     ----------
     serial_seconds : float
-        Time of the main process for the start, the pictures and the files [s]. It does not depend on the number of
+        Time of the main process for the start, the pictures and the files [s], which does not depend on the number of
         workers.
     parallel_seconds : float
-        Time for the solutions of contact and flow on one core [s]. Several workers divide this work among them. If the
-        number of realisations is not given, but follows from their scatter, this is the time for the smallest possible
-        number.
+        Time for the solutions of contact and flow on one core [s], which is divided by the number of workers. If the
+        case gives no number of realisations, the number is chosen by their scatter during the run, and
+        `parallel_seconds` is the time for the smallest possible number.
     memory : float
         Memory with one worker [byte].
     most_parallel_seconds : float
-        Like `parallel_seconds`, but for the largest possible number of realisations [s].
+        Time for the solutions of contact and flow on one core [s], with the largest possible number of realisations.
     most_memory : float
-        Memory with one worker if multigrid does not converge for the flow through the whole surface [byte]. The flow is
-        then solved by elimination, which takes more memory.
+        Memory with one worker [byte] if the flow through the whole surface must be solved by elimination, because
+        multigrid does not converge. Elimination takes more memory than multigrid.
     """
 
     serial_seconds: float
@@ -78,7 +79,7 @@ class Forecast:
     most_memory: float = 0.0
 
     def seconds(self, workers: int = 1) -> float:
-        """Return the expected time with this number of workers [s]."""
+        """Return the expected time of the run with a given number of workers [s]."""
         return self.serial_seconds + self.parallel_seconds / workers
 
     def range_seconds(self, workers: int = 1) -> tuple[float, float]:
@@ -87,7 +88,7 @@ class Forecast:
         return _SHORTEST * self.seconds(workers), _LONGEST * most_seconds
 
     def time_text(self, workers: int = 1) -> str:
-        """Return the range of the expected time as text, for this number of workers.
+        """Return the shortest and the longest expected time with a given number of workers, as text.
 
         Examples
         --------
@@ -119,7 +120,7 @@ def describe(case: Case, original: Prepared) -> list[str]:
 
 
 def _lines(case: Case, original: Prepared) -> Iterator[Line]:
-    """Yield the lines of `describe`, each as a pair of its name and its text."""
+    """Yield the name and the text of each line of the description, see `describe`."""
     prepared = original if case.accuracy is None else first_version(case, original)
     form_effect = original.solve_form_effect()
     yield "case", f"{case.title or '(no title)'}: valid"
@@ -149,7 +150,7 @@ def _lines(case: Case, original: Prepared) -> Iterator[Line]:
 
 
 def _accuracy_text(case: Case, original: Prepared) -> str:
-    """Return the required accuracy of a case, the settings of the first attempt and the time limit as text."""
+    """Describe the requested accuracy of a case, the settings of the first attempt, and the time limit."""
     assert case.accuracy is not None
     settings = first_settings(case, original)
     points = as_text(grid_points(original, settings.grid))
@@ -205,7 +206,7 @@ def forecast(
     prepared : Prepared
         The prepared case.
     budget_versions : list of Prepared, optional
-        Changed versions of the input that are solved for the error budget. Default: `budget_inputs` of the case.
+        Modified versions of the input that are solved for the error budget; by default the result of `budget_inputs`.
     """
     if budget_versions is None:
         budget_versions = budget_inputs(case, prepared)
@@ -244,7 +245,7 @@ def forecast(
 
 
 class _Cost(NamedTuple):
-    """Expected time on one core [s] and memory [byte] of a study."""
+    """Hold the expected time on one core [s] and the expected memory [byte] of a study."""
 
     seconds: float
     memory: float
@@ -253,7 +254,7 @@ class _Cost(NamedTuple):
 def _study_costs(inputs: list[Prepared], realisations: int) -> list[_Cost]:
     """Estimate the costs of every study of several inputs.
 
-    realisations : number of realisations that is used for an input without such a number.
+    realisations : number of realisations that is assumed for an input that gives no number of realisations.
     """
     costs = []
     for prepared in inputs:
@@ -266,7 +267,7 @@ def _study_costs(inputs: list[Prepared], realisations: int) -> list[_Cost]:
 def refuse_too_large(case: Case, original: Prepared) -> None:
     """Raise InputError if a run is expected to need more memory than the case allows, or than is free.
 
-    original : prepared case, before its grid is changed to reach an accuracy.
+    original : prepared case with the grid that the case gives, which may be refined to reach an accuracy.
     """
     prepared = original if case.accuracy is None else first_version(case, original)
     if case.memory is not None:
@@ -293,7 +294,7 @@ def refuse_too_large(case: Case, original: Prepared) -> None:
 
 @dataclass(frozen=True)
 class DiskSpace:
-    """Expected sizes of the files of a run, before compression.
+    """Hold the expected sizes of the files of a run, before compression.
 
     Parameters
     ----------
@@ -306,8 +307,8 @@ class DiskSpace:
     other_files : float
         Size of all other files of the results [byte].
     checkpoint : float
-        Size of the files that exist only during the run [byte]: the stored stages of the studies, and contact states
-        that do not fit into memory.
+        Size of temporary files that are deleted at the end of the run [byte]. Temporary files contain the results of
+        completed stages, and contact states that do not fit into memory.
     """
 
     fields: float
@@ -317,7 +318,7 @@ class DiskSpace:
     checkpoint: float
 
     def __str__(self) -> str:
-        """Return the sizes as text, for the forecast."""
+        """Return the expected size of the files of a run as text."""
         text = f"about {_size_text(self.fields + self.other_files)}"
         if self.fields:
             text += f", of it fields {_size_text(self.fields)} before compression"
@@ -358,7 +359,7 @@ def disk_space(
 
 
 def _size_without_fields(case: Case, prepared: Prepared) -> float:
-    """Estimate the size of all files of the results [byte], without the fields over all pixels."""
+    """Estimate the size of all files in the results folder [byte], except the fields over all pixels."""
     steps = len(prepared.scene.steps)
     # cells and tiles are written to results.nc, and to files for ParaView if they are asked for
     n_files = 1 + (case.output.paraview != "none")
@@ -379,10 +380,10 @@ def _size_without_fields(case: Case, prepared: Prepared) -> float:
 
 
 def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
-    """List all changed versions of the input that may be solved for the error budget.
+    """List all modified versions of the input that may be solved for the error budget.
 
-    The run itself may solve fewer: if a change of the model hardly changes the leakage, the opposite change is not
-    solved.
+    The run may solve fewer versions than listed. For example, if an increased hardness hardly changes the leakage, the
+    version with a reduced hardness is not solved.
     """
     if not case.output.budget:
         return []
@@ -392,10 +393,10 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
 
 
 def _keeps_states(prepared: Prepared) -> bool:
-    """Return whether the contact states of the whole surface at all load steps are kept until the end of a study.
+    """Return whether a study keeps the contact states of the whole surface at all load steps until its end.
 
-    They are not kept if the stochastic study is the only one, and its cells are not in order. It then only needs the
-    permeabilities of the cells.
+    The contact states are not kept in a run with only a stochastic study with cells at random, because this study only
+    needs the permeabilities of the cells.
     """
     if prepared.methods != {"stochastic"}:
         return True
@@ -404,13 +405,13 @@ def _keeps_states(prepared: Prepared) -> bool:
 
 
 def _store_size(prepared: Prepared) -> float:
-    """Estimate the size of the stage results that the studies of an input store during the run [byte]."""
+    """Estimate the size of the results of stages that are stored on disk during the run [byte]."""
     scene = prepared.scene
     steps = len(scene.steps)
     peaks = len({*scene.unload_from})
     pixels = prod(scene.surface.shape)
-    # For each load from which the seal is unloaded, the plastic deformation is stored, in double precision. The
-    # unloading begins with it.
+    # For each load from which the seal is unloaded, the plastic deformation is stored in double precision, because the
+    # unloading begins with this deformation.
     plastic_deformation = 8.0 * pixels
     size = 0.0
     if "stochastic" in prepared.methods:

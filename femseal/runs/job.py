@@ -95,21 +95,21 @@ def run(
     case : Case or path
         The case, or the path of its file.
     output : path, optional
-        Results folder, which is made if it does not exist. By default nothing is written.
+        Results folder, which is created if needed. By default, no files are written.
     resume : bool
-        Whether to use results that are already in the folder. The results of a finished run are returned if they belong
-        to the same case, and if the program would choose the same settings again. A run that was stopped is continued.
-        Its results are then bitwise identical to the results of a run without interruption.
+        Whether to use results that are already in the folder. A stopped run is continued, and its final results are
+        bitwise identical to the results of a run without interruption. The results of a finished run are returned if
+        they are results of the same case, and if the program would choose the same settings again.
     workers : int, optional
-        Number of processes. Default: one for each core. The results do not depend on it.
+        Number of processes; by default one process for each core. The results do not depend on the number of processes.
     scheduler : str, optional
-        Address of a Dask scheduler. Its Dask workers then do the work instead of local processes, which requires
-        femseal[cluster]. "local" starts a temporary scheduler with `workers` processes, see
+        Address of a Dask scheduler, whose workers compute the results instead of local processes. Dask requires
+        femseal[cluster]. The text "local" starts a temporary scheduler with `workers` processes, see
         `execution.run.ordered_map`.
     shared : path, optional
-        Folder for the results of single stages, which several runs can share. A run stores the results of its stages in
-        this folder. If another run has already computed a stage from the same input, its result is read instead. The
-        folder grows with every run.
+        Folder for the results of single stages, which several runs can share. A run stores the result of each stage in
+        the shared folder. If the shared folder already contains the result of a stage with the same input, the result
+        is read instead of computed. The shared folder grows with every run, because nothing is deleted from it.
     replace_results : bool
         Whether to replace the results of a finished run in the folder.
     progress : callable, optional
@@ -124,17 +124,18 @@ def run(
     InputError
         Nothing has been written, for one of these reasons:
 
-        - The case or an argument cannot be used.
-        - The run is expected to need more memory than there is.
+        - The case or an argument is invalid.
+        - The run is expected to need more memory than is available.
         - Another run is under way in the folder.
-        - The folder contains the results of a finished run. With `resume`, this is an error only if they are of another
-          case.
+        - The folder contains the results of a finished run, and `resume` is False.
+        - The folder contains the results of a finished run of another case, and `resume` is True.
         - The folder contains an unfinished run, and `resume` is False.
         - The folder contains an unfinished run of another case, with other face files, or with other versions of
           packages.
     FemsealError
-        The computation failed as a whole, or a file could not be written. Computed results stay in the folder, and
-        `resume` continues from them. Single cells that fail raise no error: they are listed in `Results.failures`.
+        The computation failed as a whole, or a file could not be written. The results of the completed stages stay in
+        the folder, and a run with `resume` continues from these results. Single cells that fail raise no error: they
+        are listed in `Results.failures`.
 
     Examples
     --------
@@ -191,10 +192,10 @@ def run(
 
 
 def _identity(case: Case, faces: dict[str, str]) -> dict[str, Any]:
-    """Collect everything on which the results of a run depend, as nested plain data.
+    """Return all data on which the results of a run depend, as nested dictionaries of plain values.
 
-    The table [output] is left out, except for its test fluid. The user may change its other keys before a run is
-    resumed.
+    From the table [output], only the test fluid is included, because all other keys of [output] may be changed before a
+    run is resumed.
     """
     echo = case.echo()
     echo |= {"output": {"test_fluid": echo["output"].get("test_fluid")}}
@@ -203,9 +204,9 @@ def _identity(case: Case, faces: dict[str, str]) -> dict[str, Any]:
 
 
 def _remove_own_store(folder: Path, identity: dict[str, Any]) -> None:
-    """Remove stage results that a finished run has left in its folder. Stage results of another run are kept.
+    """Remove the stored stages of a finished run from its folder, but no stages that belong to another run.
 
-    identity : everything on which the results of the finished run depend, see `_identity`.
+    identity : data on which the results of the finished run depend, see `_identity`.
     """
     with suppress(InputError), alone_in(folder):
         resumable(folder, identity)  # raises InputError for another identity
@@ -213,7 +214,7 @@ def _remove_own_store(folder: Path, identity: dict[str, Any]) -> None:
 
 
 def checked_output(output: AnyPath | None, resume: bool) -> Path | None:
-    """Return the output folder as a path, or None if nothing is to be written.
+    """Return the output folder as a path, or None if the run writes no files.
 
     Raises
     ------
@@ -254,7 +255,7 @@ def _results(case: Case, original: Prepared, faces: dict[str, str], run: Run) ->
     original : Prepared
         The prepared case, before its grid is changed to reach an accuracy.
     faces : dict of str
-        Digest of each face file by its path, see `face_files`.
+        SHA-256 digest of each input file, by the path of the file, see `face_files`.
     run : Run
         Run that computes the stages.
     """
@@ -324,7 +325,7 @@ def _results(case: Case, original: Prepared, faces: dict[str, str], run: Run) ->
 
 
 def _solve_other_studies(prepared: Prepared, studies: dict[str, Any], run: Run) -> None:
-    """Solve the studies of a prepared case that have no result yet, and add their results to `studies` by key."""
+    """Solve the studies of a prepared case that are missing in `studies`, and add their results by key."""
     for study in prepared.solved_studies:
         if study.key not in studies:
             with run.timed(study.name) as mapper:
@@ -335,10 +336,13 @@ def _solve_other_studies(prepared: Prepared, studies: dict[str, Any], run: Run) 
 
 
 def _solve_test_fluid(state: FluidState, prepared: Prepared, answer: Any, run: Run) -> OtherLeakage:
-    """Compute the leakage of the test fluid through the same seals, for the study that gives the leakage of the run.
+    """Compute the leakage of the test fluid through the same seals, by the best method of the run.
 
-    If the permeability is the same for both fluids, the leakage of the service fluid is multiplied by a factor.
-    Otherwise the study is solved again. answer : result of this study for the service fluid.
+    If the permeability is the same for the test fluid and the service fluid, the leakage of the service fluid is
+    multiplied by the ratio of the drops of the pressure potential. If the permeability depends on the fluid, the study
+    of the best method is solved again with the test fluid.
+
+    answer : result of the best method for the service fluid.
     """
     ratio = drop_ratio(state, prepared.scene)
     if ratio is not None:
@@ -352,7 +356,7 @@ def _solve_test_fluid(state: FluidState, prepared: Prepared, answer: Any, run: R
 
 
 def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
-    """Write the files of the results into the folder, and then remove the store of the run."""
+    """Write the results into the folder, and then remove the stored stages of the run."""
     try:
         surface = None if results.scene is None else results.scene.surface
         write_folder(results, folder, surface, mapper=mapper, **case.output.files)
@@ -367,7 +371,7 @@ def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
 def face_files(case: Case) -> dict[str, str]:
     """Return the SHA-256 digest of every file that a case reads, by the path of the file in the case.
 
-    These are the files of faces and masks, of the seal, of the seat, and of maps.
+    A case reads files of faces and masks, of the seal, of the seat, and of pressure maps.
     """
     digests = {}
     for key, path in case.files():
@@ -381,10 +385,10 @@ def face_files(case: Case) -> dict[str, str]:
 
 
 def user_code(case: Case) -> dict[str, str]:
-    """Compute a digest of the user's own code in a case: of registered fluids, seal shapes, seats and forms.
+    """Compute a digest of the code of user-defined classes in a case: fluids, seal shapes, seats and forms.
 
-    The dictionary is empty if the case only uses classes of femseal, whose version is known. If the code cannot be
-    digested, the value is different each time, so that no earlier result is used.
+    The dictionary is empty if the case contains no user-defined classes. If a digest cannot be computed, the returned
+    value is different in each call, so that no earlier result is used.
     """
     makers = [maker for maker in makers_in(case) if not is_known(maker.__module__)]
     if not makers:
@@ -398,7 +402,7 @@ def user_code(case: Case) -> dict[str, str]:
 
 @contextmanager
 def _log_file(folder: Path, append: bool) -> Iterator[None]:
-    """Write log lines to run.log in the results folder within this context."""
+    """Write log lines to run.log in the results folder inside the `with` block."""
     with writing("output", folder, "a folder"):
         # if run.log were a link, the lines would go to another file; if it were a pipe, writing would block
         remove_foreign(folder / "run.log")
@@ -417,23 +421,22 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
 def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results | None:
     """Read the results of a finished run from a folder, provided that a run of the case would give the same results.
 
-    If the case asks for further pictures or tables, they are written from these results first.
+    Before the results are returned, pictures and tables that the case requests and the folder lacks are written.
 
     Parameters
     ----------
     case : Case
         The case.
     faces : dict of str
-        Digest of each face file by its path, see `face_files`.
+        SHA-256 digest of each input file, by the path of the file, see `face_files`.
     folder : Path
         Results folder.
 
     Returns
     -------
     Results or None
-        None if the folder contains no results, or if the case, a face file or the settings are different. It is also
-        None if the case asks for files that cannot be written from the results, because they need fields over all
-        pixels.
+        None if the folder contains no results, or if the case, a face file or the settings are different. None is also
+        returned if the case requests files with fields over all pixels, which cannot be written from the results.
 
     Raises
     ------
@@ -475,8 +478,8 @@ def refuse_finished(folder: Path, case: Case | None = None) -> None:
     folder : Path
         Results folder.
     case : Case, optional
-        Case of a run that is to be resumed. Results of the same case may then be replaced. Without this argument, an
-        error is raised for any results.
+        Case of a resumed run, whose earlier results may be replaced. By default, the results of no case may be
+        replaced.
     """
     path = folder / FILE_NAME
     if path.is_symlink() or not path.is_file():
@@ -502,9 +505,9 @@ def refuse_finished(folder: Path, case: Case | None = None) -> None:
 
 
 def _settings(case: Case, original: Prepared) -> dict[str, Any]:
-    """Return the settings that the program chooses for a case, and a digest of the user's code, as plain data.
+    """Return the settings that the program chooses for a case, and a digest of user-defined classes.
 
-    If the case asks for an accuracy, these are the settings of the first attempt to reach it.
+    If the case requests an accuracy, the settings of the first attempt to reach the accuracy are returned.
     """
     if case.accuracy is None:
         return original.chosen | user_code(case)
@@ -514,16 +517,18 @@ def _settings(case: Case, original: Prepared) -> dict[str, Any]:
 
 
 def _without_file_keys(echo: dict[str, Any]) -> dict[str, Any]:
-    """Leave out the keys of a case that only choose which files are written."""
+    """Return a copy of a case without the keys that only choose which files are written."""
     output = {key: value for key, value in echo.get("output", {}).items() if key not in FILE_KEYS}
     return {**echo, "output": output}
 
 
 def _needs_new_fields(former_output: dict[str, Any], output: dict[str, Any]) -> bool:
-    """Return whether the case asks for files that cannot be written from the results of a former run.
+    """Return whether the case requests files that cannot be written from the results of a former run.
 
-    These are fields over all pixels, and files for ParaView. The arguments are the tables [output] of the former case
-    and of the present one.
+    Files with fields over all pixels and files for ParaView cannot be written from the results.
+
+    former_output : table [output] of the case of the former run.
+    output : table [output] of the present case.
     """
     if output["paraview"] not in (former_output.get("paraview"), "none"):
         return True
