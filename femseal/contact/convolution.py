@@ -1,26 +1,33 @@
-"""Compute products u = K p on a grid by fast Fourier transforms, for every kind of boundary.
+"""Compute displacements u = K p from pressures p by fast Fourier transforms, for every kind of boundary.
 
-A product has three stages:
+Here K is the compliance of the half-space, and its Fourier symbol is the array of its eigenvalues. A product K p has
+three stages:
 
-1. All rows are transformed. Before this, the points of mirror axes are reordered, and zeros are appended to free axes.
-2. Columns are processed in blocks that fit in the cache: they are transformed, multiplied with the symbol, and
-   transformed back.
-3. All rows are transformed back.
+1. The rows of the pressure are transformed to waves. Before the transform, the points of mirror axes are reordered, and
+   zeros are appended along free axes.
+2. The columns of waves are transformed, multiplied by the Fourier symbol, and transformed back. The columns are
+   processed in blocks that fit in the cache.
+3. The rows are transformed back, which gives the displacement.
 
-A mirror axis only needs the transform of its N points in the order 0, 2, 4 … 5, 3, 1. The cosine coefficients k and
-N − k are sums of the waves k and N − k, so that K mixes these two waves (Makhoul, IEEE Trans. Acoust. Speech Signal
-Process. 28, 1980, 27). A free axis is padded with zeros; rows of zeros are not transformed.
+The cosine transform of N points of a mirror axis is computed from the Fourier transform of the points in the order
+0, 2, 4 … 5, 3, 1. Each of the cosine coefficients k and N − k is a linear combination of the waves k and N − k. Hence,
+K mixes the waves k and N − k (Makhoul, IEEE Trans. Acoust. Speech Signal Process. 28, 1980, 27). A free axis is padded
+with zeros; rows that contain only zeros are not transformed.
 
-Large grids do not fit in any cache. Their waves and their displacement therefore share one array, whose rows are longer
-than those of the grid. A free first axis of a large grid is not padded to its full length 2m. Instead, each column has
-two transforms of length m: the transform of the points gives the waves with even numbers, and the transform of the
-points times exp(−iπj/m), where j is the number of the point, gives the waves with odd numbers. Columns of large grids
-are copied to a contiguous block before the transform; columns of small grids are transformed where they are.
+Large grids do not fit in any cache. On large grids, the waves and the displacement therefore share one array, whose
+rows are longer than the rows of the grid. Columns of large grids are copied to a contiguous block before they are
+transformed, whereas columns of small grids are transformed without a copy.
 
-FFTW plans are made with FFTW_ESTIMATE and without wisdom. FFTW then chooses plans by fixed rules instead of measured
-times, so that all processes have the same plans and give identical results. Compared with plans from measured times,
-contact solutions on 256² to 1024² points take 0.9 to 1.03 times as long on periodic axes, and 0.8 to 0.95 times as long
-on mirror axes. On smaller periodic grids they are slower: by 2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128².
+If the first axis of a large grid is free, its columns are not padded to the full length 2m. Instead, each column has
+two transforms of length m. The transform of the points gives the waves with even numbers. The points j are then
+multiplied by the factors exp(−iπj/m), which are called the twist, and a second transform gives the waves with odd
+numbers.
+
+FFTW plans its transforms with the option FFTW_ESTIMATE and without wisdom, that is, by fixed rules instead of measured
+times. All processes therefore use the same plans and give identical results. With these plans, a contact solution on
+256² to 1024² points takes 0.9 to 1.03 times as long as with plans from measured times if the axes are periodic, and 0.8
+to 0.95 times as long if they are mirrors. On smaller periodic grids, contact solutions take longer than with measured
+plans: by 2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128² points.
 """
 
 from __future__ import annotations
@@ -76,8 +83,8 @@ class Axis(NamedTuple):
 
     points : number of points.
     length : length of the transform.
-    order : array (points,), index of the point that is transformed at each position.
-    is_mirror : whether the axis is continued by its mirror image.
+    order : array (points,), grid index of the point at each position in the transform.
+    is_mirror : whether the pressure beyond the ends of the axis is its mirror image.
     """
 
     points: int
@@ -87,19 +94,19 @@ class Axis(NamedTuple):
 
     @classmethod
     def of(cls, n: int, kind: str) -> Axis:
-        """Describe an axis with n points, whose kind is "periodic", "mirror" or "free"."""
+        """Describe an axis with n points. The kind of the axis is "periodic", "mirror" or "free"."""
         is_mirror = kind == "mirror"
         length = padded_length(n) if kind == "free" else n
         return cls(n, length, transform_order(n, is_mirror), is_mirror)
 
     @property
     def is_padded(self) -> bool:
-        """Whether zeros are appended to the points."""
+        """Whether zeros are appended to the points of the axis."""
         return self.length > self.points
 
 
 class Convolution:
-    """Compute the displacement K p from the pressure p on several threads; both are arrays of this object.
+    """Compute the displacement K p from the pressure p on several threads.
 
     Parameters
     ----------
@@ -114,8 +121,8 @@ class Convolution:
     threads : int
         Number of threads.
     over : Convolution, optional
-        Another convolution with the same K and at least the same precision. Both then share all memory except
-        `pressure`, so that a call of `apply` overwrites the displacement of the other convolution.
+        Another convolution with the same compliance K and at least the same precision. The two convolutions share all
+        memory except `pressure`. A call of `apply` for one convolution overwrites the displacement of the other.
 
     Attributes
     ----------
@@ -167,7 +174,7 @@ class Convolution:
         transforms: int,
         over: Convolution | None,
     ) -> Any:
-        """Create the arrays of the pressure and of the displacement; return the array of the waves (row, wave)."""
+        """Create the arrays of the pressure and the displacement, and return the array of the waves (row, wave)."""
         complex_type = np.result_type(real, np.complex64)
         n_waves = axis2.length // 2 + 1  # waves of a row
         length = row_length(n_waves, complex_type.itemsize)
@@ -189,7 +196,10 @@ class Convolution:
     def _plan(
         self, waves: Any, axis1: Axis, axis2: Axis, is_large: bool, transforms: int
     ) -> list[list[list[Call]]]:
-        """Plan the transforms; return the three stages of a product, each as one list of calls for each part."""
+        """Plan the transforms, and return the three stages of a product: for each stage, its calls (part, call).
+
+        The parts of a stage are independent of each other, so that several threads can share them.
+        """
         with planner() as planned:
             rows: Rows | ReorderedRows
             # points are reordered along mirror axes; along the first axis of large grids, only when columns are copied
@@ -217,7 +227,7 @@ class Convolution:
 
 
 class Rows:
-    """Transforms of the rows of a periodic second axis, whose points need not be reordered or padded.
+    """Transform the rows of a grid and transform them back, if the points need not be reordered or padded.
 
     waves : waves of all rows of the grid, followed by the waves of rows of zeros if the first axis is padded.
     """
@@ -229,7 +239,10 @@ class Rows:
         self.length = axis2.length
 
     def calls(self, planned: Planned) -> tuple[list[list[Call]], list[list[Call]]]:
-        """Return the calls of the transforms and of the inverse transforms, as two lists of calls for each part."""
+        """Return the calls of the transforms and the calls of the inverse transforms, each as a list (part, call).
+
+        A part consists of successive rows.
+        """
         forward_parts = []
         backward_parts = []
         n1 = len(self.target)
@@ -243,20 +256,20 @@ class Rows:
         return forward_parts, backward_parts
 
     def before(self, first: int, end: int) -> list[Call]:
-        """Return the calls that prepare the rows `first` to `end` − 1 for their transform."""
+        """Return the calls that must run before the rows `first` to `end` − 1 are transformed."""
         return []
 
     def after(self, first: int, end: int) -> list[Call]:
-        """Return the calls that follow the inverse transform of the rows `first` to `end` − 1."""
+        """Return the calls that must run after the rows `first` to `end` − 1 have been transformed back."""
         return []
 
 
 class ReorderedRows(Rows):
-    """Transforms of rows whose points are first reordered (mirror axis) or padded with zeros (free axis).
+    """Transform rows whose points must first be reordered (mirror axis) or padded with zeros (free axis).
 
-    order1 : order in which the rows are copied. On small grids this is the order that the transform of the first axis
-        needs; on large grids it is the order of the grid.
-    is_mirror : whether points are reordered along either axis.
+    order1 : order in which the rows are copied: on small grids, the order in which the first axis is transformed; on
+        large grids, the order of the grid.
+    is_mirror : whether points are reordered along at least one axis.
     """
 
     def __init__(
@@ -279,26 +292,29 @@ class ReorderedRows(Rows):
         self.orders = order1, axis2.order
 
     def before(self, first: int, end: int) -> list[Call]:
-        """Return a list with the call that copies the points into the order of the transform and appends zeros."""
+        """Return the call that copies the points of these rows in the order of the transform, and appends zeros."""
         return [partial(copy_in_order, self.pressure, self.target, *self.orders, first, end)]
 
     def after(self, first: int, end: int) -> list[Call]:
-        """Return a list with the call that restores the order of the grid, or an empty list if it was not changed."""
+        """Return the call that copies the points back to the order of the grid; none if they were not reordered."""
         if self.displacement is None:
             return []
         return [partial(copy_back, self.target, self.displacement, *self.orders, first, end)]
 
 
 class StridedColumns:
-    """Transforms of the columns of small grids, from the array of all waves to a block in the cache and back.
+    """Transform the columns of a small grid, multiply their waves by the symbol, and transform them back.
+
+    Each transform reads columns of the array of all waves, without copying them first, and writes to a block in the
+    cache.
 
     waves : array (>= n1, waves), transforms of the rows.
-    weights : see `mixing_weights`.
-    transforms : number of transforms along the first axis. If there are two, one gives the waves with even numbers, and
-        one the waves with odd numbers.
+    weights : weights of the waves, see `mixing_weights`.
+    transforms : number of transforms of each column. A single transform gives all waves. Of two transforms, the first
+        gives the waves with even numbers, and the second gives the waves with odd numbers.
     """
 
-    #: Number of blocks that have to fit in the cache together.
+    #: Number of blocks that have to fit in the cache at the same time.
     blocks = 1
 
     def __init__(
@@ -319,11 +335,11 @@ class StridedColumns:
 
     @property
     def row_length(self) -> int:
-        """Number of waves from one column to the next in the memory of a block."""
+        """Distance in memory between successive columns of a block, as a number of waves."""
         return self.length
 
     def calls(self, planned: Planned, threads: int) -> list[list[Call]]:
-        """Return, for each thread, the calls that turn waves of the pressure into waves of the displacement."""
+        """Return, for each thread, the calls that replace the waves of pressure rows by waves of displacement rows."""
         n_columns = self.waves.shape[1]
         kind = self.waves.dtype
         column_bytes = self.transforms * self.length * kind.itemsize
@@ -349,18 +365,18 @@ class StridedColumns:
     def calls_of_block(
         self, planned: Planned, columns: Any, block: Any, copy: Any, first: int
     ) -> list[Call]:
-        """Return the calls that transform some columns, multiply them with the symbol, and transform them back.
+        """Return the calls that transform some columns, multiply them by the symbol, and transform them back.
 
         Parameters
         ----------
         planned : callable
             Function that plans a transform and its inverse, see `planner`.
         columns : array (>= n1, columns)
-            Some columns of the array of all waves.
+            Some successive columns of the array of all waves.
         block, copy : array
-            Memory for one block of columns.
+            Work arrays for these columns; `copy` is used only for large grids.
         first : int
-            Number of the first of these columns.
+            Index of the first column of `columns` in the array of all waves.
         """
         n_columns = columns.shape[1]
         waves = block[:n_columns, : self.length].T
@@ -368,13 +384,13 @@ class StridedColumns:
         return [forward, self.response(block, first, n_columns), backward]
 
     def response(self, block: Any, first: int, count: int) -> Call:
-        """Make the call that multiplies the waves in a block with the symbol."""
+        """Make the call that multiplies the waves in a block by the symbol."""
         if len(self.weights) == 1:
             return partial(multiply, block[:count], self.weights[0, first : first + count])
         return self.mixing_response(block, first, count)
 
     def mixing_response(self, block: Any, first: int, count: int) -> Call:
-        """Make the call that multiplies the waves with K if K combines waves, or if a column has two transforms."""
+        """Make the call that applies K to the waves in a block, for a mirror axis or two transforms of each column."""
         is_twisted = self.transforms > 1
         return partial(
             multiply_mixing, block, self.length, first, count, self.weights, is_twisted, *self.turns
@@ -382,29 +398,29 @@ class StridedColumns:
 
 
 class CopiedColumns(StridedColumns):
-    """Transforms of the columns of large grids, which are copied to a block.
+    """Transform the columns of a large grid, which are first copied to the rows of a block.
 
-    The points of a mirror axis are copied in the order that its transform needs. For a free axis with the padded length
-    2m, the block has two rows for each column: the points, and the points times the twist exp(−iπj/m), where j is the
-    number of the point. The transform of the first row gives the waves with even numbers, and that of the second row
-    the waves with odd numbers.
+    The points of a mirror axis are copied in the order of the transform. If the first axis is free and has the padded
+    length 2m, the block has two rows for each column. The first row contains the points of the column; its transform
+    gives the waves with even numbers. The second row contains the points j multiplied by exp(−iπj/m); its transform
+    gives the waves with odd numbers.
     """
 
     blocks = 2
 
     @property
     def row_length(self) -> int:
-        """Number of waves from one column to the next in the memory of a block, including some unused cache lines."""
+        """Distance in memory between successive columns of a block, as a number of waves, with unused cache lines."""
         return row_length(self.length, self.waves.dtype.itemsize)
 
     def calls_of_block(
         self, planned: Planned, columns: Any, block: Any, copy: Any, first: int
     ) -> list[Call]:
-        """Return the calls that transform some columns, multiply them with the symbol, and transform them back.
+        """Return the calls that transform some columns, multiply them by the symbol, and transform them back.
 
-        The arguments are those of `StridedColumns.calls_of_block`. The columns are first copied to the rows of `copy`,
-        because the transform of a row is faster. The waves are computed in `block`. The inverse transform writes to
-        `copy`, from which the result is copied back to the columns.
+        The columns are first copied to the rows of `copy`, because rows are transformed faster than columns. Their
+        waves are written to `block`. The inverse transform writes to `copy`, and the result is copied back to the
+        columns. `StridedColumns.calls_of_block` describes the parameters.
         """
         points = copy[:, : self.length]
         waves = block[:, : self.length]
@@ -421,13 +437,13 @@ class CopiedColumns(StridedColumns):
 def padded_length(n: int) -> int:
     """Compute the length to which a free axis of n points is padded, so that a cyclic convolution does not overlap.
 
-    It is even, at least 2 n, and has small prime factors, for which the transform is fast.
+    The padded length is even and at least 2 n. Its prime factors are small, so that the transform is fast.
     """
     return 2 * int(next_fast_len(n, real=True)) if n > 1 else 1
 
 
 def row_length(waves: int, itemsize: int) -> int:
-    """Compute the number of waves from one row to the next in memory, including some unused cache lines."""
+    """Compute the distance in memory between successive rows, as a number of waves, with unused cache lines."""
     lines = math.ceil(waves * itemsize / LINE)
     if lines <= _LINES:
         return waves
@@ -452,11 +468,12 @@ def fftw() -> Any:
 def planner() -> Iterator[Planned]:
     """Provide a function that plans a transform and its inverse, for use in a `with` block.
 
-    The transform reads `points` and writes `waves`. The inverse reads `waves`, which it destroys, and writes `target`.
+    The transform reads `points` and writes `waves`. The inverse transform overwrites `waves` and writes `target`.
 
-    The choice of a plan by FFTW depends on its earlier plans ("wisdom"). The wisdom is therefore forgotten before each
-    plan. It is kept only if the arrays are like those of the previous plan, because FFTW then plans ten times as fast.
-    The end of the `with` block restores the wisdom of the caller. Saving and restoring it takes milliseconds.
+    Which plan FFTW chooses depends on its earlier plans, which FFTW calls wisdom. The wisdom is therefore deleted
+    before each plan, except if shapes, strides and types of the arrays are those of the previous plan: with the wisdom
+    of an identical plan, FFTW plans ten times as fast. At the end of the `with` block, the wisdom that existed before
+    the block is restored. Saving and restoring the wisdom takes milliseconds.
     """
     pyfftw = fftw()
     last_problem = None
@@ -489,11 +506,11 @@ def _run_calls(calls: Sequence[Call]) -> None:
 
 
 def mixing_weights(symbol: Array, mirror1: bool, mirror2: bool, transforms: int) -> Array:
-    """Compute the weights with which `multiply_mixing` multiplies the waves.
+    """Compute the weights by which `multiply_mixing` multiplies the waves.
 
-    Without a mirror axis, there is one array of weights, the transpose of the Fourier symbol S of K. With a mirror
-    axis, there are four arrays, which are made from half the sum and half the difference of the symbol at k and at
-    N − k:
+    Let S be the Fourier symbol of K. Without a mirror axis, there is one array of weights, the transpose of S. With a
+    mirror axis, there are four arrays of weights. They are made from the half sums ½(S(k) + S(N − k)) and the half
+    differences ½(S(k) − S(N − k)) along each axis:
 
     ===== ================ =================
     array along first axis along second axis
@@ -504,9 +521,9 @@ def mixing_weights(symbol: Array, mirror1: bool, mirror2: bool, transforms: int)
     3     half difference  half difference
     ===== ================ =================
 
-    Along an axis that is not a mirror, the symbol itself takes the place of the half sum, and the half difference is 0.
-    The cosine coefficient N of N points is always 0. Its symbol may be chosen freely, and is chosen so that the half
-    difference vanishes.
+    Along an axis that is not a mirror, the symbol S(k) is used as the half sum, and the half difference is 0. The
+    cosine coefficient N of N points is always 0, so that S(N) is arbitrary. S(N) is set to S(0), so that the half
+    difference at k = 0 vanishes.
 
     Parameters
     ----------
@@ -515,7 +532,8 @@ def mixing_weights(symbol: Array, mirror1: bool, mirror2: bool, transforms: int)
     mirror1, mirror2 : bool
         Whether the first and the second axis are mirrors.
     transforms : int
-        Number of transforms along the first axis. If there are two, the even waves come before the odd waves.
+        Number of transforms along the first axis. With two transforms, the weights of the waves with even numbers
+        come before the weights of the waves with odd numbers.
 
     Returns
     -------
@@ -544,13 +562,16 @@ def mixing_weights(symbol: Array, mirror1: bool, mirror2: bool, transforms: int)
 
 
 def extend_to_all_waves(weights: Array, n: int) -> Array:
-    """Extend weights (1, columns, n // 2 + 1) to all n waves of a column; k and n − k have the same weight."""
+    """Copy the weights (1, columns, n // 2 + 1) of the waves k <= n/2 of a column to the waves n − k.
+
+    The result has the shape (1, columns, n). The waves k and n − k have the same weight.
+    """
     k = np.arange(n)
     return np.ascontiguousarray(weights[:, :, np.minimum(k, n - k)])
 
 
 def transform_order(n: int, mirror: bool) -> Indices:
-    """List the points of an axis in the order of the transform, which is 0, 2, 4 … 5, 3, 1 for a mirror axis."""
+    """List the n points of an axis in the order in which they are transformed: 0, 2, 4 … 5, 3, 1 for a mirror axis."""
     points = np.arange(n)
     if not mirror:
         return points

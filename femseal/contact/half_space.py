@@ -40,8 +40,9 @@ class HalfSpace:
     """An elastic half-space with pressures p and displacements u = K p on a grid of pixels.
 
     On periodic axes the Fourier coefficients of the displacement are û = 2 p̂/(E*|q|), and the mean displacement is
-    arbitrary. At the ends of a mirror axis the pressure is continued by its mirror image, so that a cosine transform on
-    the same points is exact. Beyond the ends of a free axis the pressure is 0; it is constant within each pixel.
+    arbitrary. Beyond the ends of a mirror axis, the pressure is its mirror image, so that a cosine transform on the
+    points of the grid is exact. Along a free axis, the pressure is constant within each pixel, and 0 beyond the ends of
+    the axis.
 
     Parameters
     ----------
@@ -51,7 +52,7 @@ class HalfSpace:
         Spacing (Δ1, Δ2) of the pixels [m].
     modulus : float or pair of bodies
         Contact modulus E* [Pa]; or the two bodies in contact, each a `Solid`, a `Coated`, or None for a rigid body. If
-        neither body is coated, the attribute `modulus` is their contact modulus.
+        two bodies without a coating are given, the attribute `modulus` is the contact modulus of the two bodies.
     boundary : str or pair of str
         Kind of boundary of each axis: "periodic", "mirror" or "free". A single string applies to both axes.
 
@@ -98,14 +99,14 @@ class HalfSpace:
     def pixel_modulus(self) -> float:
         """Contact modulus E* [Pa] for a wave with the length of four pixels.
 
-        Only for coated bodies does it depend on the length of the pixels.
+        For bodies without a coating, E* does not depend on the wavelength.
         """
         wave = np.array(np.pi / (2 * self._mean_spacing))
         return float(modulus_of_waves(self.modulus, wave))
 
     @cached_property
     def _mean_spacing(self) -> float:
-        """Geometric mean of both pixel lengths [m]; an axis with only one point is left out."""
+        """Geometric mean of the pixel lengths along both axes [m]; an axis with a single point is left out."""
         spacings = [d for n, d in zip(self.shape, self.spacing, strict=True) if n > 1]
         if not spacings:
             spacings = [min(self.spacing)]
@@ -115,14 +116,14 @@ class HalfSpace:
     def stiffness(self) -> float:
         """Stiffness c = πE*/(4Δ) [Pa/m] of the half-space for a wave with the length of four pixels.
 
-        The contact solver multiplies gaps by c to obtain pressures. Δ is the geometric mean of both spacings; an axis
-        with only one point is left out.
+        The contact solver multiplies gaps by c to obtain pressures. Δ is the geometric mean of the pixel lengths along
+        both axes; an axis with a single point is left out of the mean.
         """
         return np.pi * self.pixel_modulus / (4 * self._mean_spacing)
 
     @cached_property
     def of_unit_modulus(self) -> HalfSpace:
-        """The same half-space with a `pixel_modulus` of 1 Pa; its displacements are `pixel_modulus` times as large."""
+        """Half-space whose moduli are divided by `pixel_modulus`, so that displacements are larger by this factor."""
         if isinstance(self.modulus, float):
             return replace(self, modulus=1.0)
         return replace(self, modulus=scaled(self.modulus, 1 / self.pixel_modulus))
@@ -138,9 +139,9 @@ class HalfSpace:
     def symbol(self) -> Array:
         """Compute the eigenvalues of K [m/Pa].
 
-        The eigenvectors are waves along periodic axes and padded free axes, and cosines along mirror axes. The
-        eigenvalue does not depend on the signs of the wave numbers, so that only waves with non-negative wave numbers
-        are included. A mirror axis has as many cosines as points.
+        The eigenvectors of K are waves along periodic axes and padded free axes, and cosines along mirror axes. An
+        eigenvalue does not depend on the signs of the wave numbers. The array therefore includes only waves with
+        non-negative wave numbers. Along a mirror axis with n points, it includes n cosines.
         """
         n1, n2 = self.shape
         d1, d2 = self.spacing
@@ -188,10 +189,11 @@ def _love(x: Array, y: Array) -> Array:
 
 
 def free_symbol(shape: Shape, spacing: Pair, modulus: float | Bodies) -> Array:
-    """Compute the eigenvalues [m/Pa] for two free axes.
+    """Compute the eigenvalues of the compliance K [m/Pa] for two free axes.
 
-    They are the Fourier transform of Love's solution, the displacement around a pixel under constant pressure. For
-    coated bodies, the smooth difference from this solution is added.
+    The eigenvalues are the Fourier transform of Love's solution, the displacement around a pixel under constant
+    pressure. Love's solution applies to a half-space without a coating. For coated bodies, the change of the
+    displacement by the coatings is added, see `layered.free_difference`.
     """
     length1, length2 = (padded_length(n) for n in shape)
     d1, d2 = spacing
@@ -206,9 +208,10 @@ def free_symbol(shape: Shape, spacing: Pair, modulus: float | Bodies) -> Array:
 
 
 def _even_transform(half: Array, length: int) -> Array:
-    """Compute the real Fourier transform of rows that are even about 0, from the first half of each row.
+    """Compute the Fourier transform of rows of which only the first half is given.
 
-    The result is the first half of the transform.
+    The values of a row are an even function of the position, so that the second half is the mirror image of the first.
+    The transform is therefore real and even as well, and only its first half is returned.
     """
     # the second half is the mirror image of the first one, without the values at 0 and at half of the length
     n_missing = length - half.shape[1]
@@ -219,8 +222,8 @@ def _even_transform(half: Array, length: int) -> Array:
 def bickley_1(x: Array) -> Array:
     """Compute the Bickley function Ki₁(x) = ∫ₓ^∞ K₀(t) dt = ∫₀^∞ exp(−x cosh θ)/cosh θ dθ for x >= 0.
 
-    The error of the trapezoidal rule is about 1e-15: it converges exponentially, because the integrand is even and
-    decays doubly exponentially.
+    The integral over θ is computed by the trapezoidal rule, with an error of about 1e-15. Because the integrand is even
+    and decays doubly exponentially, the rule converges exponentially with a decreasing interval of θ.
 
     Examples
     --------
@@ -246,14 +249,18 @@ def bickley_1(x: Array) -> Array:
 def strip_symbol(
     n_free: int, d_free: float, q: Array, d_other: float, modulus: float | Bodies
 ) -> Array:
-    """Compute the eigenvalues [m/Pa] for one free axis and another axis that is periodic or a mirror.
+    """Compute the eigenvalues of the compliance K [m/Pa] for one free axis and one periodic or mirror axis.
 
-    The displacement due to a line load that varies as a wave q along the other axis decays as (2/πE*) K₀(|q||x|) with
-    the distance x along the free axis. For q = 0 it is the logarithmic solution of plane strain, whose constant is
-    arbitrary. Because the pressure is constant on each pixel, each wave q is accompanied by its aliases q + 2πm/Δ. The
-    sum over all aliases is equal to the sum of Love's solution over all periodic images. Aliases decay exponentially
-    with the distance; at the distance 0 their sum is an alternating series with a closed form. For coated bodies, the
-    smooth difference from the solution for a half-space is added.
+    Consider a line load that varies as a wave q along the periodic or mirror axis. With the distance x from this load along the free
+    axis, the displacement decays as (2/πE*) K₀(|q||x|). For q = 0, the displacement is the logarithmic solution of
+    plane strain, which contains an arbitrary constant.
+
+    A pressure that is constant on each pixel and follows a wave q from pixel to pixel also contains the aliases
+    q + 2πm/Δ for all integers m. The displacement of this pressure is therefore a sum over all aliases. The term of an
+    alias decays exponentially with the distance x. At x = 0, the sum over the aliases is an alternating series with a
+    closed form. The sum is equal to the sum of Love's solutions for all periodic images of the pixel.
+
+    For coated bodies, the change of the displacement by the coatings is added, see `layered.strip_difference`.
 
     Parameters
     ----------
@@ -292,10 +299,13 @@ def strip_symbol(
 def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> Array:
     """Compute the Fourier transform, along a free axis, of the kernels of some waves q; see `strip_symbol`.
 
-    Each kernel is even about 0, so that the first half of its transform is sufficient. Its values at offsets of more
-    than n − 1 pixels do not matter.
+    A kernel is the displacement as a function of the offset from the loaded pixel. Because each kernel is an even
+    function of the offset, the first half of its transform is sufficient. The kernel at offsets of more than n − 1
+    pixels has no influence on the displacement of the n points.
 
-    n, length, d : number of points, padded length, and pixel length [m] of the free axis.
+    n : number of points of the free axis.
+    length : padded length of the free axis, as a number of points.
+    d : pixel length of the free axis [m].
     q : wave numbers of the other axis [rad/m].
     d_other : pixel length of the other axis [m].
     """
@@ -326,9 +336,9 @@ def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> A
 def _add_wave(waves: Array, d: float, q: Array, weight: Array) -> None:
     """Add one alias of each wave to the kernels (wave, pixel): weight · ∫ K₀(q|t|) dt over each pixel.
 
-    The pixels lie at t = 0, d, 2d, … The integral over the pixel at 0 is the integral over the whole line less that
-    over the rest of the line. Only the second part is subtracted here; the caller adds the first part for all aliases
-    together.
+    The pixels lie at t = 0, d, 2d, … The integral over the pixel at t = 0 is the integral over the whole line minus the
+    integral over |t| > d/2. This function subtracts only the integral over |t| > d/2. The integral over the whole line
+    is added by the caller, for all aliases together.
     """
     # The integral of K₀(q|t|) from t to infinity is Ki₁(q t)/q. It is negligible beyond `n_near` pixels for all waves.
     reach = _LARGEST_ARGUMENT / (q.min(initial=np.inf) * d)
@@ -348,10 +358,11 @@ def _alternating_sum(a: Array) -> Array:
 def stiffness_stencil(half_space: HalfSpace) -> Array:
     """Compute the preconditioner of the solver: the 3 × 3 weights [Pa/m] of an approximate inverse of K.
 
-    They are the middle part of the inverse of K on a periodic grid, whose symbol is E*|q|/2.
+    On a periodic grid, the inverse of K is a convolution with the symbol E*|q|/2. The nine weights are the kernel of
+    this convolution at the offsets −1, 0 and 1 along both axes.
 
-    If one side of the pixels is much longer than the other, these weights are not positive definite. Then all of them
-    except the middle weight are set to 0.
+    If one side of the pixels is much longer than the other, the stencil with these weights is not positive definite. In
+    this case, all weights except the middle weight are set to 0.
     """
     # symbol of the inverse of K on a periodic grid of 64² pixels
     q1, q2 = (2 * np.pi * np.abs(np.fft.fftfreq(64, d)) for d in half_space.spacing)

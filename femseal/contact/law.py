@@ -4,9 +4,10 @@ Symbols: p contact pressure, u plastic deformation, H(u) pressure at which a poi
 yields, h = dH/du hardening modulus, g raw gap (negative where the bodies would overlap), c a stiffness [Pa/m].
 
 The contact of a point is elastic while 0 < p < H(u). When the point yields, p = H(u), and u increases. A contact law is
-defined by the curve H(u), and each law is a class with such a curve. The solver only uses straight lines, the tangents
-of the curve. If H rises with u, the law adds a convex term to the energy that the solver minimises. For a straight line
-this term is ½⟨(p − H)₊, (p − H)₊⟩/h. For perfect plasticity see Sahlin et al., Proc. IMechE J 224, 2010, 335.
+a class that defines the curve H(u). The compiled loops of the contact solver use only straight lines; they replace a
+curve H(u) by its tangents. If H increases with u, the contact law adds a convex term to the energy that the solver
+minimises. For a straight line H + h u, the convex term is ½⟨(p − H)₊, (p − H)₊⟩/h. For perfect plasticity see Sahlin et
+al., Proc. IMechE J 224, 2010, 335.
 """
 
 from __future__ import annotations
@@ -37,13 +38,13 @@ _COMPARED_DEPTHS = np.r_[0.0, np.geomspace(1e-10, 1e-3, 281)]
 class ContactLaw:
     """Base class of all contact laws. A law has to define `yield_pressure` and `hardening_modulus`.
 
-    A law should be a frozen dataclass (with `eq=False`). Its fields are the parameters of the law, from which `key` is
-    computed.
+    A law should be a frozen dataclass (with `eq=False`). The fields of the dataclass are the parameters of the law. The
+    method `key` identifies the law by these parameters.
     """
 
     @property
     def linear(self) -> bool:
-        """Whether H(u) is a straight line at each point. A curved law takes several solutions instead of one."""
+        """Whether H(u) is a straight line at each point. For a curved law, the contact solver takes longer."""
         return False
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
@@ -56,7 +57,7 @@ class ContactLaw:
 
     @property
     def capacity(self) -> float:
-        """Largest mean pressure [Pa] that the points can carry; infinite if any of them hardens."""
+        """Largest mean pressure [Pa] that the points can carry; infinite if at least one point hardens."""
         return inf if np.any(self.hardening_modulus() > 0) else self.mean_hardness
 
     @property
@@ -66,7 +67,7 @@ class ContactLaw:
 
     @property
     def is_perfect(self) -> bool:
-        """Whether points neither harden nor soften, so that the law has no characteristic length."""
+        """Whether H(u) is constant at each point (perfect plasticity)."""
         return self.linear and not np.any(self.hardening_modulus() > 0)
 
     @property
@@ -81,58 +82,60 @@ class ContactLaw:
 
     @property
     def constant_depth(self) -> float:
-        """Plastic deformation [m] up to which H(u) is the same constant for all points; 0 if there is none.
+        """Plastic deformation [m] up to which H(u) is the same constant for all points; 0 if H(u) varies from u = 0 on.
 
-        The solver first assumes that no point is deformed beyond this depth. Such a contact takes no longer than one
-        with perfect plasticity.
+        The solver first computes the contact with this constant hardness. If no point is deformed beyond
+        `constant_depth`, the result is the solution, and the computation takes no longer than with perfect plasticity.
         """
         return inf if self.is_perfect and self.is_uniform else 0.0
 
     @property
     def bends(self) -> Array:
-        """Depths [m] at which the formula of the curve changes, so that the curve or a derivative may have a kink."""
+        """Plastic deformations [m] at which H(u) or one of its derivatives may be discontinuous."""
         return np.array([self.constant_depth])
 
     @cached_property
     def pieces(self) -> CurvePieces | None:
-        """Curve of a law that is the same for all points, in cubic pieces for compiled loops.
+        """Curve H(u) of a uniform law as cubic pieces, which compiled loops can evaluate.
 
-        It is None if the curve needs too many pieces.
+        The value is None if too many pieces would be needed to represent the curve.
         """
         return CurvePieces.of(self.yield_pressure, self.bends)
 
     def shifted(self) -> ShiftedLaw:
-        """Write the law as factor · H(u + u₀) − p_f with another law H(u)."""
+        """Write the law as factor · H(u + u₀) − p_f with another law H(u); return that law and the three parameters."""
         return ShiftedLaw(self)
 
     def at(self, is_chosen: Flags) -> ContactLaw | None:
         """Return the law of the chosen points alone; None if the law is only defined for all points together.
 
-        is_chosen : flags (n1, n2). The returned law takes and returns arrays (chosen points,).
+        is_chosen : flags (n1, n2). The methods of the returned law take and return arrays (number of chosen points,).
         """
         return self if self.is_uniform else None
 
     def after(self, deformation: ArrayLike) -> ContactLaw:
-        """Return the law H(u + deformation) of points that already have a plastic deformation (n1, n2) [m]."""
+        """Return the law H(u + u₀) of points that already have a plastic deformation u₀, given as `deformation` [m]."""
         if self.is_perfect:
             return self
         return _ChangedLaw(self, earlier_deformation=reals(deformation))
 
     def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
-        """Return the law H(u) − p_f, which limits the contact pressure at points under the fluid pressure p_f [Pa]."""
+        """Return the law H(u) − p_f, which limits the contact pressure where the fluid pressure is p_f [Pa]."""
         return _ChangedLaw(self, fluid_pressure=reals(fluid_pressure))
 
     def times(self, factor: float) -> ContactLaw:
-        """Return the law factor · H(u), for a metal whose hardness is larger by this factor."""
+        """Return the law factor · H(u), in which all hardnesses are multiplied by a factor."""
         return _ChangedLaw(self, factor=factor)
 
     def admissible(self, pressure: Array, gap: Array, stiffness: float) -> tuple[Array, Array]:
         """Project a contact pressure on the law; return the projected pressure and the plastic deformation.
 
-        The projection y of the trial pressure z = p − c g satisfies z = y + c u, with y = H(u) at points that yield. It
-        minimises ½(y − z)² + c ψ(y), where ψ is the energy of the law. If the law softens steeply, the equation may
-        have several solutions. A point whose overlap −g already lies beyond the steep part of the curve has softened,
-        and its neighbours carry the load that it has lost. The solution near this overlap is then chosen.
+        The projection y of the trial pressure z = p − c g satisfies z = y + c u, with y = H(u) at points that yield.
+        The projection minimises ½(y − z)² + c ψ(y), where ψ is the energy of the contact law.
+
+        If the law softens steeply, the equation z = H(u) + c u may have several solutions u. If the overlap −g of a
+        point lies beyond the steep part of the curve, the point has already softened, and its neighbours carry the load
+        that the point has lost. For such a point, the solution u near the overlap is chosen.
 
         Parameters
         ----------
@@ -170,9 +173,10 @@ class ContactLaw:
     def _project_on_curve(
         self, pressure: Array, gap: Array, stiffness: float
     ) -> tuple[Array, Array]:
-        """Project the pressure of some points on the law, see `admissible`.
+        """Project the contact pressures of some points on the contact law, see `admissible`.
 
-        pressure, gap : arrays of equal shape, contact pressure [Pa] and raw gap [m].
+        pressure : contact pressure p [Pa], (any shape).
+        gap : raw gap g [m], of the shape of `pressure`.
         stiffness : stiffness c [Pa/m].
         """
         trial = pressure - stiffness * gap
@@ -195,7 +199,10 @@ class ContactLaw:
         return projected, np.where(is_softened, u_at_overlap, u)
 
     def _deformation(self, trial: Array, stiffness: float) -> Array:
-        """Solve H(u) + c u = z for u >= 0 by Newton's method within a bracket, with bisection; u = 0 where z < H(0).
+        """Solve H(u) + c u = z for the plastic deformation u >= 0 of each point; u = 0 where z < H(0).
+
+        Newton's method is kept within a bracket of the solution. Bisection replaces a step that leaves the bracket or
+        that converges slowly.
 
         trial : array (n1, n2), trial pressure z [Pa].
         stiffness : stiffness c [Pa/m].
@@ -227,7 +234,7 @@ class ContactLaw:
     def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
         """Compute the tangent of the curve H(u) at a plastic deformation.
 
-        Where the law softens, a horizontal line takes the place of the tangent.
+        Where the law softens, a horizontal line through the point of the curve replaces the tangent.
 
         Parameters
         ----------
@@ -239,7 +246,7 @@ class ContactLaw:
         Raises
         ------
         InputError
-            The parameters of the law are arrays of another shape, or a yield pressure is not > 0.
+            A parameter of the law is an array of another shape than the grid, or a yield pressure is not positive.
         """
         slope = np.maximum(self.hardening_modulus(deformation), 0.0)
         hardness = self.yield_pressure(deformation) - slope * reals(deformation)
@@ -254,7 +261,7 @@ class ContactLaw:
         return YieldLine(hardness, slope)
 
     def key(self) -> str:
-        """Return a text that is equal for two laws if and only if their parameters and their code are equal."""
+        """Return a text that identifies the law: laws with the same parameters and the same code have equal texts."""
         try:
             return digest(self)
         except NoDigest:
@@ -272,10 +279,10 @@ class ContactLaw:
 
 
 class ShiftedLaw(NamedTuple):
-    """Law factor · H(u + u₀) − p_f, made from another law H(u).
+    """Parameters of the law factor · H(u + u₀) − p_f, which is derived from another law H(u).
 
     law : law H(u).
-    factor : factor on the hardness.
+    factor : factor by which the hardness H is multiplied.
     earlier_deformation : plastic deformation u₀ [m] from an earlier load, a number or an array (n1, n2).
     fluid_pressure : pressure p_f [Pa] of a fluid between the surfaces, a number or an array (n1, n2).
     """
@@ -290,8 +297,9 @@ class ShiftedLaw(NamedTuple):
 class LinearHardening(ContactLaw):
     """Contact law of points that harden linearly with their plastic deformation: H(u) = H + h u.
 
-    After unloading, the hardness of a point remains H + h u. Reloading is elastic up to the earlier peak load, unless
-    points have yielded again during unloading. Beyond the peak load, the contact follows the curve of first loading.
+    During unloading, the yield pressure H + h u that a point has reached remains constant. Reloading is elastic up to
+    the earlier peak load, unless points have yielded again during unloading. At loads above the earlier peak load, the
+    contact follows the curve of first loading.
 
     Parameters
     ----------
@@ -303,7 +311,7 @@ class LinearHardening(ContactLaw):
     Raises
     ------
     InputError
-        A hardness is not > 0, or a slope is not a finite number >= 0.
+        A hardness is not positive, or a slope is negative or infinite.
 
     Examples
     --------
@@ -329,11 +337,11 @@ class LinearHardening(ContactLaw):
 
     @property
     def is_uniform(self) -> bool:
-        """Whether hardness and slope are numbers."""
+        """Whether all points have the same hardness and slope, which are then single numbers."""
         return isinstance(self.hardness, float) and isinstance(self.slope, float)
 
     def at(self, is_chosen: Flags) -> ContactLaw:
-        """Return the law of some points."""
+        """Return the law of the chosen points, see `ContactLaw.at`."""
         if self.is_uniform:
             return self
         hardness, slope = (_at(values, is_chosen) for values in (self.hardness, self.slope))
@@ -341,16 +349,17 @@ class LinearHardening(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """Largest mean pressure [Pa] that the points carry; infinite if any of them hardens."""
+        """Largest mean pressure [Pa] that the points can carry; infinite if at least one point hardens."""
+        # a uniform law need not create arrays
         return self._uniform_line.capacity if self.is_uniform else super().capacity
 
     def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
-        """Return the line itself, which is its own tangent at any deformation."""
+        """Return the line H + h u, which is its own tangent at any deformation."""
         return self._uniform_line if self.is_uniform else super().tangent(shape, 0.0)
 
     @cached_property
     def _uniform_line(self) -> YieldLine:
-        """Line H + h u of a uniform law; it is stored, so that its values are checked only once."""
+        """Line H + h u of a uniform law. The line is stored, so that hardness and slope are checked only once."""
         return super().tangent((1, 1))
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
@@ -378,7 +387,7 @@ class PerfectlyPlastic(LinearHardening):
     Raises
     ------
     InputError
-        A value is not > 0.
+        A hardness is not positive.
 
     Examples
     --------
@@ -397,12 +406,12 @@ class PerfectlyPlastic(LinearHardening):
 
 @dataclass(frozen=True, eq=False)
 class _ChangedLaw(ContactLaw):
-    """Contact law factor · H(u + u₀) − p_f, made from another law.
+    """Contact law factor · H(u + u₀) − p_f, which is derived from an original law H(u).
 
     law : original law H(u).
     earlier_deformation : plastic deformation u₀ [m] from an earlier load.
     fluid_pressure : pressure p_f [Pa] of a fluid between the surfaces.
-    factor : factor on the hardness.
+    factor : factor by which the hardness H is multiplied.
     """
 
     law: ContactLaw
@@ -417,13 +426,13 @@ class _ChangedLaw(ContactLaw):
 
     @cached_property
     def constant_depth(self) -> float:  # type: ignore[override]
-        """Depth of constant hardness of the original law, less the earlier deformation [m]."""
+        """Plastic deformation u [m] up to which the hardness is constant: the original law's depth minus u₀."""
         if np.ndim(self.fluid_pressure) > 0:
             return 0.0
         return max(0.0, self.law.constant_depth - float(np.max(self.earlier_deformation)))
 
     def shifted(self) -> ShiftedLaw:
-        """Combine the changes of this law with those of the original law."""
+        """Combine the factor, u₀ and p_f of this law with the factor, u₀ and p_f of its original law."""
         inner = self.law.shifted()
         return ShiftedLaw(
             inner.law,
@@ -433,7 +442,7 @@ class _ChangedLaw(ContactLaw):
         )
 
     def at(self, is_chosen: Flags) -> ContactLaw | None:
-        """Return the law of some points."""
+        """Return the law of the chosen points, see `ContactLaw.at`."""
         law = self.law.at(is_chosen)
         if law is None:
             return None
@@ -458,13 +467,13 @@ class _ChangedLaw(ContactLaw):
         return self.factor * pressure - self.fluid_pressure
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """Compute factor · h(u + u₀) [Pa/m]."""
+        """Compute factor · h(u + u₀) [Pa/m], where h is the hardening modulus of the original law."""
         modulus = self.law.hardening_modulus(self.earlier_deformation + reals(deformation))
         return self.factor * modulus
 
     @property
     def capacity(self) -> float:
-        """Capacity of the original law times the factor, minus the mean fluid pressure [Pa]."""
+        """Largest mean pressure [Pa] that the points can carry: factor · capacity of the original law − mean of p_f."""
         return self.factor * self.law.capacity - float(np.mean(self.fluid_pressure))
 
     def __str__(self) -> str:
@@ -473,14 +482,15 @@ class _ChangedLaw(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class SofterOf(ContactLaw):
-    """Contact law of two bodies. At each depth the softer one yields: H(u) = min(H₁(u), H₂(u)).
+    """Contact law of two bodies. At each depth u the softer body yields: H(u) = min(H₁(u), H₂(u)).
 
-    Use `softer_of`, which only makes this law if the curves of both bodies cross.
+    To combine two bodies, call the function `softer_of`. It makes a law of this class only if the curves H₁(u) and
+    H₂(u) cross.
 
     Parameters
     ----------
     first, second : ContactLaw
-        Laws of the two bodies. Each must be uniform, that is, the same for all points.
+        Laws of the two bodies, each the same for all points.
     """
 
     first: ContactLaw
@@ -488,27 +498,30 @@ class SofterOf(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """Capacity of the softer body [Pa]."""
+        """Largest mean pressure [Pa] that the points can carry: the smaller value of the two bodies."""
         return min(self.first.capacity, self.second.capacity)
 
     @property
     def constant_depth(self) -> float:
-        """Depth [m] up to which both laws are constant."""
+        """Plastic deformation [m] up to which the hardness of each of the two bodies is constant."""
         return min(self.first.constant_depth, self.second.constant_depth)
 
     @property
     def bends(self) -> Array:
-        """Depths [m] at which the formula of either law changes. The depths where both are equal are not known."""
+        """Plastic deformations [m] at which H₁(u), H₂(u) or one of their derivatives may be discontinuous.
+
+        The depths at which the two curves cross are not known, and are not included.
+        """
         return np.r_[self.first.bends, self.second.bends]
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """Compute the smaller of the yield pressures H(u) of the two laws [Pa]."""
+        """Compute min(H₁(u), H₂(u)) [Pa], the yield pressure of the softer body."""
         first = self.first.yield_pressure(deformation)
         second = self.second.yield_pressure(deformation)
         return np.minimum(first, second)
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """Compute dH/du [Pa/m] of the law with the smaller yield pressure."""
+        """Compute the hardening modulus dH/du [Pa/m] of the softer body at each point."""
         first_pressure = self.first.yield_pressure(deformation)
         second_pressure = self.second.yield_pressure(deformation)
         first = self.first.hardening_modulus(deformation)
@@ -520,9 +533,10 @@ class SofterOf(ContactLaw):
 
 
 def softer_of(first: ContactLaw, second: ContactLaw | None = None) -> ContactLaw:
-    """Return the law of the softer of two bodies; if the curves of the bodies cross, return `SofterOf` both laws.
+    """Return the law of the softer body, or a `SofterOf` if the curves H(u) of the two bodies cross.
 
-    first, second : laws of the two bodies, each the same for all points; None if the second body is rigid.
+    first : law of the first body, the same for all points.
+    second : law of the second body, the same for all points; None if the second body is rigid.
     """
     if second is None:
         return first
@@ -538,12 +552,12 @@ def softer_of(first: ContactLaw, second: ContactLaw | None = None) -> ContactLaw
 
 @dataclass(frozen=True, eq=False)
 class YieldLine:
-    """Linear law H(u) = hardness + slope · u at each point, the only kind of law that the solver uses.
+    """Linear law H(u) = hardness + slope · u at each point, the kind of law that the compiled loops of the solver use.
 
     Parameters
     ----------
     hardness : array (1,) or (n1, n2)
-        Hardness at u = 0 [Pa], one value for all points or one for each.
+        Hardness at u = 0 [Pa], one value for all points (1,) or one value for each point (n1, n2).
     slope : array (1,) or (n1, n2)
         Hardening modulus [Pa/m].
     """
@@ -570,7 +584,7 @@ class YieldLine:
 
     @cached_property
     def limit(self) -> Array:
-        """Largest pressure of each point [Pa], infinite where it hardens: (1,) or (n1, n2)."""
+        """Largest contact pressure of each point [Pa], infinite at points that harden, (1,) or (n1, n2)."""
         if not self.hardens:
             return self.hardness
         return np.where(self.slope > 0, inf, self.hardness)
@@ -590,19 +604,23 @@ def contact_law(hardness: float | ArrayLike | ContactLaw) -> ContactLaw:
 
 @lru_cache(maxsize=64)
 def _law_of_number(hardness: float) -> PerfectlyPlastic:
-    """Make the perfectly plastic law for a number, or return the law that was made before for the same number."""
+    """Make the perfectly plastic law for a single hardness [Pa]; repeated calls return the same law."""
     return PerfectlyPlastic(hardness)
 
 
 def _at(values: float | Array, is_chosen: Flags) -> float | Array:
-    """Return the values at the chosen points; a single number, which applies to all points, is returned unchanged."""
+    """Return the values at the chosen points. A single number applies to all points, and is returned unchanged."""
     return values[is_chosen] if isinstance(values, np.ndarray) and values.ndim > 0 else values
 
 
 def _checked_numbers(
     name: str, value: Any, unit: str, *, allow_zero: bool = False
 ) -> float | Array:
-    """Check that a value is a number > 0 or an array of such numbers; with `allow_zero`, finite numbers >= 0."""
+    """Return a value as a float or an array, and raise InputError if it contains numbers that are not allowed.
+
+    By default, all numbers must be positive; infinity is allowed. With `allow_zero`, all numbers must be finite and not
+    negative.
+    """
     expected = f"a number or an array (n1, n2) [{unit}]"
     try:
         if isinstance(value, (str, bytes)):

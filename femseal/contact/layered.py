@@ -1,23 +1,25 @@
 """Compute the compliance of coated bodies: an elastic layer that is bonded to a half-space of another material.
 
-A wave q of pressure on a body with a layer of thickness d displaces its surface by C(q) = 2 S(qd)/(E₁* q), where
-E₁* = E₁/(1 − ν₁²) belongs to the layer (index 1) and S compares it with a half-space of the layer's material. With
-t = qd, G the shear moduli and r = G₁/G₂ (layer over substrate),
+The index 1 denotes the layer, whose thickness is d, and the index 2 the substrate. The plane modulus of the layer is
+E₁* = E₁/(1 − ν₁²). A pressure wave of amplitude 1 Pa and wave number q displaces the surface of the body by a wave of
+amplitude C(q) = 2 S(qd)/(E₁* q). The factor S is the ratio of this compliance to the compliance of a half-space of the
+layer's material. With t = qd and the ratio r = G₁/G₂ of the shear moduli,
 
     S = (1 + 4 m t e⁻²ᵗ − m n e⁻⁴ᵗ) / (1 − (m + n + 4 m t²) e⁻²ᵗ + m n e⁻⁴ᵗ)
     m = (r − 1)/(r + 3 − 4ν₁)        n = 1 − 4(1 − ν₁)/(1 + r (3 − 4ν₂))
 
-The compliances of both bodies add up. S tends to 1 for short waves, and to the substrate's compliance for long ones.
-On a rigid substrate r = 0.
+For waves that are short compared with the thickness, S tends to 1. For long waves, C(q) tends to the compliance of the
+substrate. For a rigid substrate, r = 0. If two bodies are in contact, their compliances C(q) add up.
 
-The same problem, a bonded layer under a frictionless pressure, is treated by O'Sullivan & King, J. Tribol. 110, 1988,
-and for rough surfaces by Nogi & Kato, J. Tribol. 119, 1997, 493. S was not compared with the text of these papers, but
+A bonded layer under a frictionless pressure is also treated by O'Sullivan & King, J. Tribol. 110, 1988, and for rough
+surfaces by Nogi & Kato, J. Tribol. 119, 1997, 493. The formula of S was not compared with the text of these papers, but
 with closed forms and with finite elements (docs/evidence/coatings.md).
 
-Along free axes the difference from a half-space of the layer's material is added. It is smooth, because S − 1 decays
-exponentially. S − 1 is fitted by a sum of exponentials, Σ a exp(−b t). Each of them gives a displacement proportional
-to 1/√(r² + (bd)²), like the potential of a charge at the depth b d. The integral of this function over a pixel has a
-closed form.
+Along free axes, the displacement is the displacement of half-spaces of the layers' materials plus the change by the
+coatings. The change is a smooth function of the position, because S − 1 decays exponentially with t. For its
+computation, S − 1 is fitted by a sum of exponentials, Σ a exp(−b t). Each exponential gives a displacement proportional
+to 1/√(ρ² + (bd)²) at the distance ρ from a point load, like the potential of a charge at the depth b d. The integral of
+this displacement over a pixel has a closed form.
 """
 
 from __future__ import annotations
@@ -33,8 +35,8 @@ from ..materials import Coated, Solid, contact_modulus
 Bodies = tuple[Solid | Coated | None, Solid | Coated | None]
 #: Number of exponentials that represent S − 1, and range of their exponents b.
 _TERMS, _LEAST_EXPONENT, _LARGEST_EXPONENT = 40, 0.3, 100.0
-#: Largest error of their sum, over the largest value of S − 1. Layers up to 100 times as stiff as the substrate have
-#: 1e-5 or less; metals have less than 1e-7.
+#: Largest error of the sum of the exponentials, relative to the largest value of S − 1. The error is at most 1e-5 for
+#: layers up to 100 times as stiff as the substrate, and below 1e-7 for metals.
 _LARGEST_ERROR = 2e-5
 #: Argument qd from which on S − 1 is below 1e-8.
 _DECAYED = 12.0
@@ -46,17 +48,17 @@ _IMAGE_DECAY = 16.0
 
 
 def checked_modulus(modulus: object) -> float | Bodies:
-    """Check a contact modulus: a number, or two bodies.
+    """Check a contact modulus, which is given as a number or as two bodies.
 
     Parameters
     ----------
     modulus : float or pair of bodies
-        Contact modulus E* [Pa]; or the two bodies in contact, `Solid`, `Coated` or None for a rigid one.
+        Contact modulus E* [Pa]; or the two bodies in contact, each a `Solid`, a `Coated`, or None for a rigid body.
 
     Returns
     -------
     float or pair of bodies
-        The contact modulus [Pa], if no body is coated; otherwise the two bodies.
+        The two bodies if at least one body is coated; otherwise the contact modulus [Pa].
 
     Raises
     ------
@@ -117,7 +119,7 @@ def modulus_of_waves(modulus: float | Bodies, q: Array) -> Array:
 
 
 def scaled(modulus: Bodies, factor: float) -> Bodies:
-    """Multiply the Young's moduli of two bodies by a factor; the yield stresses are left out."""
+    """Return two bodies whose Young's moduli are multiplied by a factor. The bodies returned have no yield stresses."""
     a, b = modulus
     return _scaled_body(a, factor), _scaled_body(b, factor)
 
@@ -130,12 +132,12 @@ def layer_factor(body: Coated, t: Array) -> Array:
     body : Coated
         Layer on a substrate.
     t : array
-        Wave number times thickness, qd >= 0.
+        Wave number q times thickness d of the layer, t = qd >= 0.
 
     Returns
     -------
     array
-        S(t), of the shape of t. For an incompressible layer on a rigid substrate the relative error grows as
+        S(t), of the shape of t. For an incompressible layer on a rigid substrate, the relative error of S grows as
         1e-16/t² towards small t.
     """
     layer, substrate = body.layer, body.substrate
@@ -156,13 +158,17 @@ def layer_factor(body: Coated, t: Array) -> Array:
 
 
 def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodies: Bodies) -> Array:
-    """Compute what the coatings add to the displacement of half-spaces of the layers' materials, for one free axis.
+    """Compute the change of the displacement by the coatings, compared with uncoated half-spaces, for one free axis.
 
-    This is the contribution of the coatings to the kernel of `half_space.strip_symbol` before the Fourier transform.
-    For a wave q > 0 along the other axis it is (1/2π) ∫ 2(S − 1)/(E₁* |q|) exp(i q₁ x) dq₁ along the free axis,
-    averaged over pixels. Because the integrand is smooth, the trapezoidal rule converges exponentially; it is computed
-    as a Fourier transform. For q = 0 the kernel is a sum of logarithms, one for each of the exponentials to which S − 1
-    is fitted.
+    The uncoated half-spaces consist of the materials of the layers. The change is a term of the kernel of
+    `half_space.strip_symbol`, before the Fourier transform.
+
+    Let q₁ be the wave number along the free axis, q₂ the wave number along the other axis, and q² = q₁² + q₂². For
+    q₂ > 0, the change is (1/2π) ∫ 2(S(qd) − 1)/(E₁* q) exp(i q₁ x) dq₁, averaged over pixels. The integral is computed
+    by the trapezoidal rule, which is a Fourier transform. Because the integrand is smooth, the rule converges
+    exponentially.
+
+    For q₂ = 0, the change is a sum of logarithms. It contains one logarithm for each exponential of the fit of S − 1.
 
     Parameters
     ----------
@@ -171,7 +177,7 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
     d_free : float
         Spacing along the free axis [m].
     q : array (waves,)
-        Wave numbers of the other axis [rad/m].
+        Wave numbers q₂ of the other axis [rad/m].
     d_other : float
         Spacing along the other axis [m].
     bodies : pair of bodies
@@ -180,7 +186,8 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
     Returns
     -------
     array (waves, n_free)
-        Displacement of each point per pressure on the pixel at offset 0 [m/Pa].
+        Change of the displacement at each offset along the free axis, for a pressure of 1 Pa on the pixel at offset 0
+        [m/Pa].
     """
     kernel = np.zeros((q.size, n_free))
     waves = np.flatnonzero(q > 0)
@@ -198,19 +205,21 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
 
 
 def free_difference(edges1: Array, edges2: Array, bodies: Bodies) -> Array:
-    """Compute what the coatings add to the displacement, as `strip_difference` does, but for two free axes.
+    """Compute the change of the displacement by the coatings, compared with uncoated half-spaces, for two free axes.
+
+    The uncoated half-spaces consist of the materials of the layers.
 
     Parameters
     ----------
     edges1, edges2 : array (n1 + 1,), array (n2 + 1,)
-        Edges of the pixels along both axes [m]. The displacement is computed at the origin.
+        Edges of the pixels along both axes [m], measured from the point at which the displacement is computed.
     bodies : pair of bodies
         The two bodies.
 
     Returns
     -------
     array (n1, n2)
-        Displacement at the origin per pressure on each pixel [m/Pa].
+        Change of the displacement at the origin for a pressure of 1 Pa on a single pixel, by the pixel [m/Pa].
     """
     kernel = np.zeros((edges1.size - 1, edges2.size - 1))
     x, y = edges1[:, None], edges2
@@ -240,7 +249,7 @@ def _coated(bodies: Bodies) -> list[Coated]:
 
 
 def _scaled_body(body: Solid | Coated | None, factor: float) -> Solid | Coated | None:
-    """Multiply the Young's moduli of a body by a factor."""
+    """Return a body whose Young's moduli are multiplied by a factor, without yield stresses."""
     if body is None:
         return None
     if isinstance(body, Solid):
@@ -268,12 +277,12 @@ def _exponentials(body: Coated) -> tuple[Array, Array]:
     Returns
     -------
     amplitudes, exponents : array (terms,)
-        a and b.
+        Amplitude a and exponent b of each exponential.
 
     Raises
     ------
     InputError
-        The error is too large, because the layer is far stiffer than the substrate.
+        The error of the fit is too large, because the layer is far stiffer than the substrate.
     """
     # a stiff layer bends over a length that is longer than its thickness by the cube root of the ratio of the moduli
     bending_length = 1.0
@@ -299,18 +308,24 @@ def _exponentials(body: Coated) -> tuple[Array, Array]:
 
 
 def _long_wave_factor(body: Coated) -> float:
-    """Return S(0), the ratio of the compliance of the substrate to that of the layer."""
+    """Return S(0): the compliance of the substrate's material, divided by the compliance of the layer's material."""
     if body.substrate is None:
         return 0.0
     return body.layer.plane_modulus / body.substrate.plane_modulus
 
 
 def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
-    """Compute what a coating adds to the kernel (n,) [m/Pa] for a pressure that is uniform along the other axis.
+    """Compute the change of the displacement by a coating for a pressure that is uniform along the other axis.
 
-    Each exponential a exp(−bt) of `_exponentials` adds the displacement −(2a/πE₁*) ln √(x² + z²) with z = b d. The
-    integral of ½ ln(x² + z²) over a pixel is ½ x ln(x² + z²) − x + z atan(x/z) between its edges. The constant of the
-    logarithm is arbitrary, so that x and z may be divided by the length of the strip.
+    Each exponential a exp(−bt) of `_exponentials` adds the displacement −(2a/πE₁*) ln √(x² + z²) at the distance x from
+    a line load, with z = b d. The integral of ½ ln(x² + z²) over a pixel is the difference of
+    ½ x ln(x² + z²) − x + z atan(x/z) between the two edges of the pixel. The displacement of plane strain contains an
+    arbitrary constant. The lengths x and z in the logarithm may therefore be divided by the length of the strip.
+
+    n : number of points of the free axis.
+    d : pixel length of the free axis [m].
+
+    Returns the change of the displacement at each offset for a pressure of 1 Pa on the pixel at offset 0, (n,) [m/Pa].
     """
     amplitudes, exponents = _exponentials(_without_length(body))
     length = n * d  # of the strip
@@ -322,13 +337,18 @@ def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
 
 
 def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -> Array:
-    """Compute what a coating adds to the kernel (waves, n) [m/Pa] for waves q > 0 along the other axis.
+    """Compute the change of the displacement by a coating for waves q > 0 of the pressure along the other axis.
 
-    See `strip_difference` for the integral. Aliases of the waves along both axes are added up. Each alias is weighted
-    with the Fourier transform of a uniform pressure on a pixel, which is a product of two sinc functions.
+    See `strip_difference` for the integral. The pressure on a pixel is uniform, and therefore contains aliases of the
+    waves along both axes. The contributions of all aliases are added up. The weight of an alias is the Fourier
+    transform of the uniform pressure on a pixel, a product of two sinc functions.
 
-    n, d : number of points and spacing of the free axis.
-    q : wave numbers (waves,), of which the largest is at most twice the smallest.
+    n : number of points of the free axis.
+    d : pixel length of the free axis [m].
+    q : wave numbers along the other axis (waves,) [rad/m]; the largest is at most twice the smallest.
+    d_other : pixel length of the other axis [m].
+
+    Returns the change of the displacement (wave, offset) for a pressure of 1 Pa on the pixel at offset 0 [m/Pa].
     """
     # a case that is only checked does not load the transforms
     from scipy.fft import irfft, next_fast_len
@@ -357,6 +377,9 @@ def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -
 
 
 def _n_aliases(shortest: float, spacing: float) -> int:
-    """Count the aliases on either side (±1 to ±m) that are needed to include all waves up to `shortest` [rad/m]."""
+    """Return the smallest m for which the aliases −m to m of a wave include all wave numbers up to `shortest` [rad/m].
+
+    spacing : pixel length along the axis of the aliases [m].
+    """
     # the aliases up to ±m include all waves up to (2m + 1) π/spacing
     return min(_MOST_ALIASES, max(0, int(np.ceil(0.5 * (shortest * spacing / np.pi - 1)))))

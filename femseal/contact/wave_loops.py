@@ -1,4 +1,4 @@
-"""Compile the loops that copy points and waves for the transforms in `convolution`, and multiply waves with weights."""
+"""Compile the loops that copy points and waves for the transforms in `convolution`, and multiply waves by weights."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ contracted = compiled(fastmath={"contract"})
 
 @contracted
 def multiply(block, weights):
-    """Multiply the waves in a block with their weights; both arrays have the shape (columns, waves)."""
+    """Multiply the waves in a block (columns, waves) by their weights (columns, waves)."""
     for j in range(block.shape[0]):
         for i in range(block.shape[1]):
             block[j, i] *= weights[j, i]
@@ -17,30 +17,31 @@ def multiply(block, weights):
 
 @compiled(fastmath={"contract", "nnan", "nsz"})
 def multiply_mixing(block, n, first, count, weights, twisted, turn1, turn2):
-    """Replace the waves of the pressure in a block by the waves of the displacement, if K combines several waves.
+    """Replace the waves of the pressure in a block by the waves of the displacement, if the compliance K mixes waves.
 
-    Cosine coefficients C and waves V are related by C(k) = ē V(k) + e V(N − k), with e = exp(iπk/2N), and by
-    2 V(k) = e (C(k) − i C(N − k)). Multiplying C with a symbol S(k) therefore changes V to
+    Cosine coefficients C and waves V are related by C(k) = ē V(k) + e V(N − k), with e = exp(iπk/2N) and its complex
+    conjugate ē, and by 2 V(k) = e (C(k) − i C(N − k)). If C(k) is multiplied by a symbol S(k), V(k) becomes
 
         V(k) ← ½(S(k) + S(N − k)) V(k) + ½(S(k) − S(N − k)) e² V(N − k).
 
-    For two mirrors, V(k1, N − k2) is the conjugate of V(N − k1, k2).
+    If both axes are mirrors, V(k1, N − k2) is the complex conjugate of V(N − k1, k2).
 
     Parameters
     ----------
     block : array (columns, >= n)
-        Fourier coefficients of some columns; they are overwritten.
+        Waves of some columns; the function overwrites them.
     n : int
         Number of waves of a column.
     first, count : int
-        Number of the first column, and number of columns.
+        Index of the first column, and number of columns.
     weights : array
         Weights from `convolution.mixing_weights`.
     twisted : bool
-        Whether the first half of the block has the waves with even numbers, and the second half those with odd numbers.
-        The complex conjugate of the odd wave k is the odd wave N − 1 − k.
+        Whether each column has two rows in the block: in the first half of the block a row of waves with even numbers,
+        in the second half a row of waves with odd numbers. In a row of waves with odd numbers, position n − 1 − k is
+        paired with position k.
     turn1, turn2 : array
-        Factors e² = exp(iπk/N) of the waves k along the first and along the second axis.
+        Factors e² = exp(iπk/N) of the waves k: `turn1` along the first axis, `turn2` along the second axis.
     """
     has_mirror = len(weights) > 1
     # waves N − k of a column, for the waves k of its first half
@@ -86,7 +87,7 @@ def multiply_mixing(block, n, first, count, weights, twisted, turn1, turn2):
 
 @contracted
 def copy_in_order(points, staged, order1, order2, first, end):
-    """Copy the points of the rows `first` to `end` − 1 in the order of the transform, and append zeros.
+    """Copy the points to the rows `first` to `end` − 1 of `staged` in the order of the transform, and append zeros.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def copy_in_order(points, staged, order1, order2, first, end):
     staged : array (n1, >= n2)
         Array to which the points are copied, and from which the rows are then transformed.
     order1, order2 : array
-        Order of the rows, and order of the points in each row.
+        Grid indices of the rows, and of the points in each row, in the order of the transform.
     first, end : int
         First row, and row after the last one.
     """
@@ -109,9 +110,9 @@ def copy_in_order(points, staged, order1, order2, first, end):
 
 @contracted
 def copy_back(staged, points, order1, order2, first, end):
-    """Copy transformed points back to the order of the grid, as the inverse of `copy_in_order`.
+    """Copy the rows `first` to `end` − 1 of `staged` back to the order of the grid: the inverse of `copy_in_order`.
 
-    Both arrays may share their memory, because each row is copied before it is changed.
+    `staged` and `points` may share their memory, because each row of `staged` is copied before a row is written.
     """
     staged_row = np.empty(order2.size, staged.dtype)
     for i in range(first, end):
@@ -125,14 +126,16 @@ def copy_back(staged, points, order1, order2, first, end):
 def copy_columns(columns, block, twist, order):
     """Copy columns to the rows of a block, in the order of the transform.
 
-    With a twist, zeros are appended to each row, and the columns times the twist are copied to the second half of the
-    rows. The transform of these rows gives the waves with odd numbers.
+    If the first axis is free, the factors `twist` are given. Each column then has two rows in the block. The row in the
+    first half of the block contains the points, and its transform gives the waves with even numbers. The row in the
+    second half contains the points multiplied by `twist`, and its transform gives the waves with odd numbers. Zeros are
+    appended to both rows.
 
     columns : array (n1, columns), transforms of the rows of the grid.
-    block : array with one row for each column, or with two rows for each column if there is a twist.
+    block : array (columns, >= n1), or (2 columns, >= n1) if `twist` is given.
     twist : array (n1,), factors exp(−iπj/m) of the points j, where 2m is the padded length; empty if the axis has a
         single transform.
-    order : array (n1,), order of the points in the transform.
+    order : array (n1,), grid indices of the points in the order of the transform.
     """
     n1, count = columns.shape
     second_half = block.shape[0] // 2  # first row of the second half of the block
@@ -153,8 +156,9 @@ def copy_columns(columns, block, twist, order):
 def copy_columns_back(columns, block, twist, order):
     """Copy the rows of a block back to columns, as the inverse of `copy_columns`.
 
-    With a twist, each point is the sum of two values: one from the first half of the rows, and one from the second
-    half, multiplied by the complex conjugate of the twist.
+    If `twist` is given, a point is the sum of two values. The first value is taken from the row in the first half of
+    the block. The second value is taken from the row in the second half, and is multiplied by the complex conjugate of
+    the factor `twist` of this point.
     """
     n1, count = columns.shape
     second_half = block.shape[0] // 2  # first row of the second half of the block
