@@ -15,7 +15,8 @@ from .half_space import HalfSpace
 class Contact(Shown):
     """Solution of a contact problem; the metadata of the fields contain their units.
 
-    Out of contact p = 0 and g > 0. In elastic contact 0 < p < H and g = 0. A point with p ≥ H is plastic and has g ≤ 0.
+    The contact pressure is p, the hardness H, and the raw gap g. Out of contact p = 0 and g > 0. In elastic contact
+    0 < p < H and g = 0. A point with p ≥ H is plastic and has g ≤ 0.
     """
 
     pressure: Array = field(metadata={"unit": "Pa", "long_name": "contact pressure"})
@@ -39,16 +40,17 @@ class Contact(Shown):
 
     @property
     def area_fraction(self) -> float:
-        """Fraction of the points that are in contact, p > 0."""
+        """Fraction of the points that are in contact, that is, at which p > 0."""
         return float(np.count_nonzero(self.pressure) / self.pressure.size)
 
     @property
     def area_fraction_corrected(self) -> float:
         """Contact fraction, corrected for the discretisation error at the edges of contact patches.
 
-        A pixel that is only partly in contact counts as a pixel in contact. The contact area is therefore too large, by
-        (π − 1 + ln 2)/24 of a pixel for each side at which a pixel in contact meets a pixel with a gap (Yastrebov,
-        Anciaux & Molinari, Tribol. Int. 114, 2017, 161).
+        A pixel that is only partly in contact counts as a pixel in contact, so that the contact area is too large.
+        Consider all sides of pixels at which a pixel in contact meets a pixel with a gap. For each of these sides, the
+        contact area is too large by (π − 1 + ln 2)/24 of the area of a pixel (Yastrebov, Anciaux & Molinari, Tribol.
+        Int. 114, 2017, 161).
         """
         in_contact = self.pressure > 0
         n_sides = 0
@@ -80,5 +82,5 @@ class Contact(Shown):
 
     @property
     def raw_gap(self) -> Array:
-        """Gap due to elastic displacements only [m], without plastic deformation; negative at plastic points."""
+        """Gap [m] due to elastic displacements alone, without plastic deformation; negative at plastic points."""
         return self.gap - self.plastic_deformation

@@ -1,16 +1,17 @@
-"""Compile the loop that projects the pressure of the points near contact on a curved law, and finds their tangents.
+"""Compile the loop that projects the pressures of points near contact on a curved contact law, and finds the tangents.
 
-The law of a point is H(u + u₀) − p_f, where the curve H(w) consists of cubic pieces (`CurvePieces`), u₀ is the plastic
-deformation from an earlier load, and p_f the pressure of a fluid. With x = p − c v, the projection y of the trial
-pressure z = x + cδ and the plastic deformation w = u + u₀ satisfy
+The contact law of a point is H(u + u₀) − p_f. The curve H(w) consists of cubic pieces (`CurvePieces`), u₀ is the
+plastic deformation from an earlier load, and p_f the pressure of a fluid. The trial pressure is z = x + cδ with
+x = p − c v. If the point yields, its projected pressure y and its total plastic deformation w = u + u₀ satisfy
 
     H(w) + c w = z + p_f + c u₀,    y = H(w) − p_f.
 
-The left side increases with w, unless the law softens more steeply than −c. The point then gets the tangent of its law
-at u, or a horizontal line if the law softens. The other loops of the solver only see these straight lines.
+The equation has one solution w, because H(w) + c w increases with w, unless dH/dw < −c. The curve of the point is then
+replaced by its tangent at u, or by a horizontal line where the law softens. The other loops of the contact solver work
+with these straight lines instead of the curve.
 
-A steep tangent would have a negative pressure at u = 0. It therefore begins at a depth b, by which the gap of the point
-and its v are increased; its plastic deformation is then u − b.
+If a steep tangent were extended to u = 0, the pressure at u = 0 would be negative. A steep tangent therefore begins at
+a depth b > 0. The solver adds b to the gap h₁ and to the v of the point, and works with the plastic deformation u − b.
 """
 
 import numpy as np
@@ -21,11 +22,11 @@ from .projection import exact, exact_loop, value_at
 FROM_DEPTH = 0.5
 #: Smallest slope of a tangent, relative to c. Points with a smaller slope are treated as perfectly plastic.
 _FLAT = 1e-9
-#: Steps of Newton's method end when they are shorter than this fraction of a piece. As the error is squared by each
-#: step, the last step is accurate to about 14 digits.
+#: Newton's method ends after a step that is shorter than this fraction of a piece, and at the latest after this number
+#: of steps. Because each step squares the error, the result after the last step is accurate to about 14 digits.
 _CLOSE, _STEPS = 1e-7, 60
-#: Kind of the line of a point: first hardness (z was below the curved part), tangent, constant end of the curve, or
-#: horizontal line on a part that softens or is flat.
+#: Line that replaces the curve of a point: the constant hardness at the beginning of the curve (if z is small), a
+#: tangent, the constant hardness at the end of the curve, or a horizontal line where the curve falls or is flat.
 FIRST, TANGENT, END, HORIZONTAL = 0, 1, 2, 3
 
 
@@ -33,10 +34,11 @@ FIRST, TANGENT, END, HORIZONTAL = 0, 1, 2, 3
 def deformation_at(z, c, depth, levels, coefficients):
     """Solve H(w) + c w = z for the deformation w by Newton's method within a bracket.
 
-    depth, coefficients : pieces of the curve.
-    levels : H(w) + c w at the beginning of each piece.
+    depth : deformation w at the beginning of each cubic piece of the curve [m].
+    levels : H(w) + c w at the beginning of each cubic piece [Pa].
+    coefficients : coefficients of each cubic piece, see `CurvePieces`.
 
-    Returns w, H(w) and dH/dw.
+    Returns the deformation w, the hardness H(w) and the slope dH/dw.
     """
     piece = 0
     end = depth.size
@@ -80,25 +82,32 @@ def follow_curve(
     first, end, c, delta, state, near, near_p, near_v, trial, v, columns, earlier, fluid, first_hardness,
     constant_depth, depth, levels, coefficients, has_end, kind, hardness, slope, begins, gap0,
 ):  # fmt: skip
-    """Project some points near contact on the law, compare their pressures with the result, and set their tangents.
+    """Project the trial pressures of some points near contact, compare p with the projections y, and set the tangents.
 
-    Arrays are described in `projection`, and further ones are:
+    The module `projection` describes the arrays `state` to `v`. The other arguments are:
 
     columns : number of columns of the grid.
-    earlier, fluid : u₀ [m] and p_f [Pa], with one value (1,) or one for each point (n,).
+    earlier : earlier plastic deformation u₀ [m], with one value for all points (1,) or one for each point (n,).
+    fluid : fluid pressure p_f [Pa], with one value for all points (1,) or one for each point (n,).
     first_hardness : hardness H(u₀) − p_f [Pa], (1,) or (n,).
     constant_depth : depth [m] up to which H(w) is constant.
-    has_end : whether the last piece is constant.
-    kind, begins : kind of the line of each point, and depth b [m] at which its tangent begins (n,).
-    hardness, slope, gap0 : line of each point, and gap h₁ + b [m] (n,), which are updated.
+    depth, levels, coefficients : cubic pieces of the curve, see `deformation_at`.
+    has_end : whether the last piece of the curve is constant.
+    kind : which line replaces the curve of each point (n,): FIRST, TANGENT, END or HORIZONTAL; updated.
+    hardness, slope : hardness [Pa] and hardening modulus [Pa/m] of this line (n,); updated.
+    begins : depth b [m] at which the tangent of a point begins (n,); updated.
+    gap0 : undeformed gap h₁ + b [m] of each point (n,); updated.
 
     Returns
     -------
-    total, slopes : Σ y, and its derivative with respect to cδ. Parts that soften are taken as flat.
-    n_tangents : number of points with a tangent that rises.
+    total : sum Σ y of the projected pressures.
+    slopes : derivative of Σ y with respect to cδ. Where the curve falls, the derivative is taken as 0.
+    n_tangents : number of points whose tangent has a positive slope.
     r2, y2 : ‖p − y‖² and ‖y‖².
-    changed, changed_r2 : number of points whose state would change if p were y, and their ‖p − y‖². Perfectly plastic
-        points whose pressure is not y are included. If a point does not harden any more, `changed_r2` is infinite.
+    changed : number of points whose state would change if p were y, and of plastic points without hardening whose
+        pressure differs from y.
+    changed_r2 : sum of (p − y)² over the points counted in `changed`; infinite if a point has hardened until now and
+        would not harden in its new state.
     """
     listed = near[first:end]
     p = near_p[first:end]

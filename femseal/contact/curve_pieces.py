@@ -1,8 +1,8 @@
 """Approximate the curve H(u) of a contact law by cubic pieces, which compiled loops can evaluate.
 
-Curves that consist of cubics between known depths, such as tables and coatings of constant hardness, are represented
-exactly. Other curves are divided until a cubic through four points of each piece agrees with the curve to eleven
-digits.
+Some curves consist of cubic pieces between known depths, for example tables and coatings of constant hardness. Such
+curves are represented exactly. All other curves are divided into pieces so short that a cubic through four points of a
+piece agrees with the curve to eleven digits.
 """
 
 from __future__ import annotations
@@ -15,37 +15,38 @@ import numpy as np
 
 from ..base import Array
 
-#: Depths [m] at which the first pieces begin, besides the depths at which the formula of the curve changes. No contact
-#: yields deeper than the last of them.
+#: Depths [m] between which the curve is divided at first, in addition to the depths at which its formula changes. The
+#: largest of these depths exceeds the plastic deformation of any contact.
 _FIRST_DEPTHS = np.geomspace(1e-10, 1e-1, 28)
-#: Largest relative error of a piece.
+#: Largest relative error of the hardness in a piece.
 _TOLERANCE = 1e-11
-#: Fraction of the hardness at u = 0 below which errors are relative to this fraction.
+#: Errors are relative to the hardness, or to this fraction of the hardness at u = 0 if the hardness is smaller.
 _LOWEST = 1e-3
-#: Largest relative variation that is a rounding error, so that a piece is constant.
+#: Pieces are constant if their relative variation is at most this value, which rounding errors can cause.
 _ROUNDING = 1e-13
 #: Pieces are not divided further below this width [m], or more often than this number.
 _NARROWEST, _MOST_DIVISIONS = 1e-16, 60
-#: Largest number of pieces. A curve of the built-in laws has at most about a thousand.
+#: Largest number of pieces. The curves of the contact laws in femseal have at most about a thousand pieces.
 _MOST_PIECES = 20_000
 #: Positions in a piece whose values define its cubic, and positions at which the cubic is compared with the curve.
 _FITTED = np.array([0.0, 1 / 3, 2 / 3, 1.0])
 _COMPARED = np.array([0.1, 0.5, 0.9])
-#: Matrices that turn values at the first positions into coefficients, and coefficients into values at the second ones.
+#: Matrix that converts values at the positions `_FITTED` to coefficients of the cubic, and matrix that converts
+#: coefficients to values at the positions `_COMPARED`.
 _TO_COEFFICIENTS = np.linalg.inv(np.vander(_FITTED, increasing=True)).T
 _TO_VALUES = np.vander(_COMPARED, 4, increasing=True).T
 
 
 @dataclass(frozen=True, eq=False)
 class CurvePieces:
-    """Curve H(u) for u >= 0 in cubic pieces; the last one has no end.
+    """Curve H(u) for u >= 0 in cubic pieces. The last piece extends to infinity.
 
     Parameters
     ----------
     depth : array (pieces,)
-        Depth [m] at which each piece begins; the first one is 0.
+        Depth [m] at which each piece begins, in increasing order. The first piece begins at 0.
     coefficients : array (pieces, 4)
-        Coefficients a_k of each piece, H(u) = Σ a_k (u − depth)^k [Pa/m^k].
+        Coefficients a_k [Pa/m^k] of each piece, with H(u) = Σ a_k (u − depth)^k for k = 0 to 3.
     """
 
     depth: Array
@@ -53,14 +54,16 @@ class CurvePieces:
 
     @classmethod
     def of(cls, yield_pressure: Callable[[Array], Array], bends: Array) -> CurvePieces | None:
-        """Divide a curve into pieces; return None if it needs too many of them, for example because of noise.
+        """Divide a curve into cubic pieces.
+
+        Returns None if the curve needs more than `_MOST_PIECES` pieces, for example because it contains noise.
 
         Parameters
         ----------
         yield_pressure : callable
-            Function H(u) [Pa] of an array of depths [m].
+            Function that computes H(u) [Pa] for an array of depths u [m].
         bends : array (n,)
-            Depths [m] at which the formula of the curve may change.
+            Depths [m] at which the curve or one of its derivatives may be discontinuous.
         """
         bends = bends[np.isfinite(bends) & (bends > 0)]
         edges = np.unique(np.r_[0.0, bends, _FIRST_DEPTHS])
@@ -97,7 +100,7 @@ class CurvePieces:
         return cls(depth[order], np.concatenate(coefficients)[order]).with_one_end()
 
     def with_one_end(self) -> CurvePieces:
-        """Merge the pieces of the same constant hardness at the end of the curve into one."""
+        """Merge the last pieces into a single piece, as far as they have the same constant hardness."""
         hardness = self.coefficients[:, 0]
         variation = np.abs(self.coefficients[:-1, 1:] * self._widths[:, None] ** np.arange(1, 4))
         differs = np.abs(hardness[:-1] - hardness[-1]) > _ROUNDING * hardness[-1]
@@ -111,7 +114,7 @@ class CurvePieces:
 
     @property
     def _widths(self) -> Array:
-        """Width of each piece but the last [m]."""
+        """Width [m] of each piece except the last piece, (pieces − 1,)."""
         return np.diff(self.depth)
 
     @cached_property
@@ -144,6 +147,10 @@ class CurvePieces:
 def _values(
     yield_pressure: Callable[[Array], Array], start: Array, width: Array, positions: Array
 ) -> Array:
-    """Compute the hardness at some relative positions (n,) in each piece (pieces,) as an array (pieces, n)."""
+    """Compute the hardness [Pa] at n positions in each piece, as an array (pieces, n).
+
+    start, width : depth at which each piece begins, and its width [m], (pieces,).
+    positions : positions within a piece, from 0 at its beginning to 1 at its end, (n,).
+    """
     depth = start[:, None] + width[:, None] * positions
     return np.broadcast_to(yield_pressure(depth), depth.shape)

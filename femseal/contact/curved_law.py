@@ -1,17 +1,21 @@
 """Solve a contact whose hardness is a curve H(u) of the plastic deformation: tables, Nix-Gao, coatings.
 
-The active sets of a linear law also solve a curved one, if the law of each point is replaced by a tangent:
+The method is the active-set method for linear contact laws (`active_sets`), with a change: in each iteration, the curve
+of each point is replaced by its tangent at the present plastic deformation.
 
-1. In each evaluation of the contact, the pressure of each point near contact is projected on its curve. The scalar
-   equation H(u) + c u = z, with z = p − c (v − δ), has one solution for all laws that do not soften too steeply.
-2. The point then gets the tangent of the curve at u, with its own hardness and slope. Where the law softens, the line
-   is horizontal.
-3. The approach δ follows from Newton's method for Σ y(δ) = load, with y on the curve.
-4. Sets and conjugate gradients then work as for linear hardening, until the pressures agree with the curves.
+1. In each evaluation of the contact, the trial pressure z = p − c (v − δ) of each point near contact is projected on
+   the curve of the point. The projection follows from the scalar equation H(u) + c u = z for the plastic deformation u.
+   This equation has one solution if the law does not soften too steeply.
+2. The tangent of the curve at u becomes the linear law of the point. Where the curve falls, a horizontal line replaces
+   the tangent.
+3. Newton's method finds the approach δ for which the sum of the projected pressures y on the curves is the load.
+4. With these linear laws, active sets are changed and conjugate gradients are performed as for linear hardening. The
+   iteration ends when the pressures agree with the curves.
 
-The tangents are thus Newton's method of the same iteration that changes the sets, and a curved law needs about as many
-iterations as a constant hardness. Damping follows the residual, because energies with different tangents cannot be
-compared. If the iteration does not converge, or the law softens steeply, `tangent_sequence` solves the contact.
+The tangents and the active sets converge in the same Newton iteration. A curved law therefore needs about as many
+iterations as a constant hardness. For a linear law, the damping is reduced when the energy increases. Energies with
+different tangents cannot be compared, so that for a curved law the damping depends on the residual. If the iteration
+does not converge, or the law softens steeply, `tangent_sequence` solves the contact.
 """
 
 from __future__ import annotations
@@ -43,30 +47,32 @@ from .workspace import Problem, Workspace, coarsened, workspace
 
 #: Largest number of iterations on the given grid.
 _ITERATIONS = 80
-#: Steepest fall of the hardness, relative to the stiffness of the half-space, for which the method is used. Beyond it,
-#: single pixels may yield while their neighbours do not.
+#: Largest value of −dH/du, relative to the stiffness of the half-space, for which the method is used. If H(u) falls
+#: more steeply, single pixels may yield while their neighbours do not.
 _STEEPEST_FALL = 0.4
-#: Error of a line on a coarse grid, relative to the pressure, above which the curve is used on the next grid; and
-#: deformation on the coarse grid over that which the error is computed for, as peaks yield deeper on a finer grid.
+#: On a coarse grid, the curve H(u) is replaced by a straight line. If the relative error of the line exceeds the first
+#: value, the curve is used on the next finer grid. The error is computed for the plastic deformation on the coarse grid
+#: divided by the second value, because asperities yield deeper on a finer grid.
 _COARSE_ERROR, _COARSE_DEPTH = 1e-3, 0.6
-#: Largest number of steps for the approach.
+#: Largest number of steps of Newton's method for the approach.
 _APPROACH_STEPS = 80
-#: The approach is accurate enough if the relative error of the load is this fraction of the residual, and at most the
-#: second value; below the third one it is a rounding error.
+#: The approach is accurate enough if the relative error of the load is at most the first value times the residual, and
+#: at most the second value. A relative error below the third value is a rounding error.
 _LOAD_ERROR, _LARGEST_LOAD_ERROR, _SMALLEST_LOAD_ERROR = 0.3, 1e-2, 1e-14
-#: Largest correction of the approach without another step, times c and relative to the mean pressure of the points.
+#: Largest last correction of the approach, multiplied by c and divided by the mean pressure of the listed points.
 _LARGEST_CORRECTION = 0.1
-#: First step of the approach [m] where no point resists it, and length from which on the listed points are assumed not
-#: to carry the load.
+#: First step of the approach [m] if no point resists the approach; and length of a step [m] beyond which the listed
+#: points are assumed to be unable to carry the load.
 _FIRST_STEP, _LARGEST_STEP = 1e-9, 1e-2
 
 
 class _Curve(NamedTuple):
-    """Law H(u + u₀) − p_f of all points on one of the nested grids.
+    """Contact law H(u + u₀) − p_f of all points on one of the nested grids.
 
-    pieces : curve H(u).
+    pieces : curve H(u), the same for all points.
     constant_depth : depth [m] up to which H(u) is constant.
-    earlier, fluid : u₀ [m] and p_f [Pa], with one value (1, 1) or one for each point (n1, n2).
+    earlier : earlier plastic deformation u₀ [m], one value for all points (1, 1) or one for each point (n1, n2).
+    fluid : fluid pressure p_f [Pa], one value for all points (1, 1) or one for each point (n1, n2).
     """
 
     pieces: CurvePieces
@@ -76,9 +82,10 @@ class _Curve(NamedTuple):
 
     @classmethod
     def of(cls, law: ContactLaw) -> _Curve | None:
-        """Return the curve of a law.
+        """Represent a contact law as a curve H(u) of cubic pieces, with u₀ and p_f of each point.
 
-        Return None if the points have curves that are not related by a shift, or if the curve needs too many pieces.
+        Returns None in two cases: if the laws of different points differ by more than u₀ and p_f, or if the curve needs
+        too many cubic pieces.
         """
         shifted = law.shifted()
         if not shifted.law.is_uniform:
@@ -94,7 +101,7 @@ class _Curve(NamedTuple):
         )
 
     def coarser(self) -> _Curve:
-        """Return the law on the next coarser grid."""
+        """Return the contact law on the next coarser grid, with averages of u₀ and p_f over 2 × 2 points."""
         earlier, fluid = (
             coarsened(values) if values.size > 1 else values
             for values in (self.earlier, self.fluid)
@@ -108,16 +115,16 @@ def solve_curved_law(law: ContactLaw, level: Level, rtol: float) -> Contact:
     Parameters
     ----------
     law : ContactLaw
-        Law, whose tangent at u = 0 is the line of `level`.
+        Curved contact law.
     level : Level
-        Contact problem on the given grid.
+        Contact problem on the given grid. The line of `level` must be the tangent of `law` at u = 0.
     rtol : float
         Target residual.
 
     Raises
     ------
     NotConverged
-        Pressures and deformations do not agree with the law after all iterations.
+        After the largest number of iterations, the pressures and plastic deformations still do not agree with the law.
     """
     if level.load == 0:
         return solve_straight_law(level, rtol)
@@ -132,11 +139,12 @@ def solve_curved_law(law: ContactLaw, level: Level, rtol: float) -> Contact:
 
 
 def _solve_on_nested_grids(curve: _Curve, level: Level, rtol: float) -> Contact:
-    """Solve a contact from the coarsest grid to the given one.
+    """Solve a contact with a curved law on nested grids, beginning with the coarsest grid.
 
-    The line of `level` is the law itself as long as few points yield: up to a constant depth on first loading, and for
-    all points that do not yield again on unloading. As long as it agrees with the law on a grid, the next finer grid
-    is solved with the line, too.
+    The straight line of `level` is the tangent of the curve at u = 0. The contact on a coarse grid is first solved with
+    this line, which is faster. If the line differs from the curve at the plastic deformations that result, the curve is
+    used on all finer grids. The line is often sufficient: on first loading if the deformations remain within a constant
+    part of the curve, and on unloading if no point yields again.
     """
     offset = float(level.gap0.min())
     levels = [(level, curve)]
@@ -179,14 +187,14 @@ def _solve_on_nested_grids(curve: _Curve, level: Level, rtol: float) -> Contact:
 
 
 def _error_of_line(curve: _Curve, line: YieldLine, pressure: Array, overlap: Array) -> float:
-    """Compute the difference between a linear law and the curve at the points that yield, relative to the pressure.
+    """Compute how much a linear law differs from the curve: ‖difference‖/‖pressure‖ over the points that yield.
 
     Parameters
     ----------
     curve : _Curve
-        Law of the points.
+        Curved contact law of the points.
     line : YieldLine
-        Linear law with which the contact was solved.
+        Linear contact law with which the contact was solved.
     pressure : array (n1, n2)
         Pressure [Pa].
     overlap : array (n1, n2)
@@ -210,27 +218,27 @@ def _error_of_line(curve: _Curve, line: YieldLine, pressure: Array, overlap: Arr
 
 
 class CurveTangents:
-    """Tangents of the curves of all points at their present deformation, for `solve_active_sets`.
+    """Tangents of the curved contact law at the present plastic deformation of each point, for `solve_active_sets`.
 
     Parameters
     ----------
     curve : _Curve
-        Law on this grid.
+        Curved contact law on the grid.
     grid : Workspace
-        Workspace of this grid.
+        Work arrays for the grid.
     level : Level
-        Contact problem on this grid.
+        Contact problem on the grid.
     offset : float
         Height that is subtracted from the gap and from the approach [m].
     start : array (n1, n2)
-        First guess of the pressure [Pa], on this grid or on the next coarser one.
+        First guess of the pressure [Pa], on the grid or on the next coarser grid.
     delta : float, optional
         First guess of the approach minus the offset [m].
 
     Attributes
     ----------
     number : int
-        Number of points near contact whose tangent rises.
+        Number of points near contact whose tangent has a positive slope.
     """
 
     def __init__(
@@ -270,7 +278,7 @@ class CurveTangents:
         self._first_step = max(deepest_start, _FIRST_STEP)
 
     def solve(self, rtol: float, limit: int) -> Solution:
-        """Solve the contact on this grid; see `solve_active_sets`."""
+        """Solve the contact on the grid with `solve_active_sets`, which calls `evaluate` to update the tangents."""
         problem = Problem(self._gap0, self.offset, self._hardness, self._slope, self._load)
         solution = solve_active_sets(self.grid, problem, rtol, limit, self)
         # the gap of a point with a tangent is increased, so that such a point must always be near contact
@@ -281,9 +289,9 @@ class CurveTangents:
     def evaluate(
         self, n_near: int, c: float, delta: float
     ) -> tuple[float, bool, Any, Any, Any, Any]:
-        """Find the approach δ, and compare the pressures with their projections on the curves.
+        """Find the approach δ, and compare the pressures p with the projections y on the curves.
 
-        The arguments and returned values are those of `projection.evaluate`.
+        The arguments and the returned values have the same meaning as in `projection.evaluate`.
         """
         low = -inf
         high = inf
@@ -318,7 +326,7 @@ class CurveTangents:
         return delta, False, r2, y2, *changes
 
     def _follow(self, n_near: int, c: float, delta: float) -> tuple[Any, ...]:
-        """Set the tangents for an approach δ [m] and a step length c [Pa/m]; see `follow_curve`."""
+        """Call `follow_curve` for an approach `delta` [m] and a step length c [Pa/m]."""
         pieces = self._pieces
         if c != self._stiffness:
             self._stiffness = c
@@ -351,7 +359,7 @@ class CurveTangents:
         )
 
     def contact(self, solution: Solution) -> Contact:
-        """Make the result from the solution on this grid."""
+        """Make a `Contact` from the pressure and the tangents of the solution."""
         shape = self.grid.pressure.shape
         has_tangent = self._kind == TANGENT
         # all points on the curved part yield, even if a rounding error makes their pressure less than their hardness

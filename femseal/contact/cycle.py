@@ -1,10 +1,10 @@
 """Solve the contact along a load programme, including the plastic deformation that remains after each peak load.
 
-States of first loading do not depend on the loading history. To unload from a peak load, the plastic deformation at the
-peak load is added to the gap. The contact is then solved with the contact law of points that already have this
-deformation. At the peak load itself, this gives the same state as first loading. Reloading follows the unloading curve
-up to the peak load, and the curve of first loading beyond it (Sahlin et al., Proc. IMechE J 224, 2010, 335;
-Pérez-Ràfols et al., 2018).
+Contact states of first loading do not depend on the loading history. For the states of an unloading, the plastic
+deformation at the peak load is added to the undeformed gap, and the contact law is H(u + u₀), where u₀ is the plastic
+deformation of each point at the peak load. If the contact is solved in this way at the peak load, the result is the
+state of first loading. Reloading follows the unloading curve up to the peak load. Above the peak load, reloading
+follows the curve of first loading (Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018).
 """
 
 from __future__ import annotations
@@ -32,9 +32,10 @@ STATE_FIELDS = 20
 class _SolvedStep:
     """A solved load step.
 
-    output : result of `take` for the state, or the state itself if there is no `take`.
-    deformation : plastic deformation (n1, n2) [m] at a peak load, from which unloading begins; None for other steps.
-    memory : result of `remember` for the contact, which is passed to the next load step.
+    output : value that `take` has returned for the contact state, or the `LoadState` if `take` is None.
+    deformation : plastic deformation (n1, n2) [m] if the step is a peak load, from which unloading begins; None for
+        other steps.
+    memory : value that `remember` has returned for the contact; the next load step receives this value.
     has_yielded : whether any point has deformed plastically.
     """
 
@@ -56,8 +57,8 @@ class LoadState(LoadStep, Plotted):
     contact : Contact
         Contact at this step.
     yielded_again : float
-        Fraction of the points that yield during unloading. This may happen to points that were elastic at the peak
-        load, when other points pass their load on to them.
+        Fraction of the points that yield during unloading. During unloading, contact pressure moves from some points to
+        others, so that points that were elastic at the peak load may yield.
     """
 
     contact: Contact = field(kw_only=True)
@@ -114,24 +115,27 @@ def load_cycle(
         Undeformed gap [m].
     half_space : HalfSpace
         Elastic body and grid.
-    loading, unload_from, unloading : sequence of float
-        Nominal pressures [Pa] of first loading, peak pressures from which the seal is unloaded, and pressures to which
-        it is unloaded from each peak; see `LoadProgramme.of`.
+    loading : sequence of float
+        Nominal pressures of first loading [Pa].
+    unload_from : sequence of float
+        Peak pressures [Pa], from which the seal is unloaded.
+    unloading : sequence of float
+        Nominal pressures [Pa] to which the seal is unloaded from each peak pressure, see `LoadProgramme.of`.
     hardness : float, array (n1, n2) or ContactLaw
-        Hardness [Pa], or a law; see `solve_contact`.
+        Hardness [Pa], or a contact law, see `solve_contact`.
     rtol : float
         Target residual of each solution, see `solve_contact`.
 
     Returns
     -------
     LoadCycle
-        States in the order of the programme. During unloading, `plastic_deformation` is the deformation at the peak
-        load plus any further deformation since then.
+        Contact states in the order of the load steps. For a step of an unloading, `plastic_deformation` is the
+        plastic deformation at the peak load plus any further plastic deformation during the unloading.
 
     Raises
     ------
     InputError, NotConverged
-        See `solve_contact`. The whole programme is checked before the first step is solved.
+        See `solve_contact`. All loads are checked before the contact at the first load is solved.
 
     Examples
     --------
@@ -157,7 +161,7 @@ def contact_at_loads(
     law: ContactLaw,
     solve: Callable[..., Contact] = solve_contact,
 ) -> Callable[..., Contact]:
-    """Check a load programme, and return a function that solves the contact of a gap at a given load.
+    """Return a function that solves the contact at a given load, after checking the gap, the law and all loads.
 
     Parameters
     ----------
@@ -175,8 +179,8 @@ def contact_at_loads(
     Returns
     -------
     callable
-        The function `solve`, to which gap, half-space and law have already been passed. It is called with the argument
-        `pressure` and any further arguments.
+        The function `solve`, to which gap, half-space and law have already been passed. The caller has to pass the
+        argument `pressure`, and may pass further arguments of `solve_contact`.
     """
     law.tangent(half_space.shape)  # raises InputError if the law has arrays of another shape
     check_capacity("loading", float(programme.pressures.max()), law)
@@ -196,31 +200,31 @@ def load_states(
 ) -> Iterator[Any]:
     """Solve the contact states of a load programme.
 
-    If no point has yielded at a peak load, unloading follows the loading curve. Pressures that have already been solved
-    during loading are then not solved again: the output of the loading step is yielded once more. No other outputs are
-    kept in memory.
+    If no point has yielded at a peak load, unloading follows the loading curve. If the contact at a pressure of the
+    unloading has already been solved during loading, the output of the loading step is yielded a second time. Only
+    outputs that may be yielded a second time remain in memory.
 
     Parameters
     ----------
     programme : LoadProgramme
         The load steps.
     solve : callable
-        Solves the contact at a load, see `contact_at_loads`.
+        Function that solves the contact at a load, see `contact_at_loads`.
     rtol : float
         Target residual of each solution, see `solve_contact`.
     take : callable, optional
-        Function that is called with each state, in the process that solves the state. Its result is yielded in place of
-        the state.
+        Function of a `LoadState` that is called in the process in which the state has been solved. The value that
+        `take` returns is yielded instead of the state.
     remember : callable, optional
-        Function that is called with each contact. Its result is passed to `solve` at the next load step as the argument
-        `remembered`, in addition to the plastic deformation. The steps of first loading are then solved one after
-        another.
+        Function of a `Contact` that returns what the next load step needs to know about this contact, in addition to
+        the plastic deformation. The value is passed to `solve` at the next load step as the argument `remembered`. If
+        `remember` is given, the steps of first loading are solved one after another.
     memory : float
-        Memory that is needed to solve a state and to call `take` [byte]. It limits the number of states that are solved
-        at the same time.
+        Memory that is needed to solve a state and to call `take` [byte]. The number of states that are solved at the
+        same time is limited accordingly.
     mapper : callable
-        Function like `map`, which solves the steps of first loading and then the steps of unloading. Within each of the
-        two groups, the steps do not depend on each other.
+        Function like `map` that solves several independent load steps, for example in parallel. It is called with all
+        steps of first loading, and then with all steps of unloading.
 
     Yields
     ------
@@ -235,10 +239,10 @@ def load_states(
 def _solve_programme(
     stage: Stage, programme: LoadProgramme, one_after_another: bool, mapper: Mapper
 ) -> Iterator[Any]:
-    """Yield the output of each state in the order of the programme.
+    """Yield the output of each contact state in the order of the programme.
 
-    one_after_another : whether each step of first loading depends on the step before. Unloading then cannot reuse the
-    states of loading at the same pressure.
+    one_after_another : whether each step of first loading depends on the step before. If True, a state of first loading
+        is never used again for an unloading, because the state depends on its history.
     """
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]
@@ -274,9 +278,9 @@ def _solve_unloading(
 ) -> Iterator[Any]:
     """Solve the unloading from all peak loads, and yield the output of each step.
 
-    peaks : solved steps of the loading, by their pressures.
-    elastic_outputs : outputs of loading steps in which no point has yielded, by their pressures. Outputs of further
-        pressures on the loading curve are added.
+    peaks : mapping from the pressure of each step of first loading to the solved step.
+    elastic_outputs : mapping from pressures to outputs of states of first loading in which no point has yielded. The
+        function adds the outputs of unloading steps that follow the loading curve.
     """
 
     def follows_loading(step: LoadStep) -> bool:
@@ -312,7 +316,7 @@ def _solve_unloading(
 def _solve_one_after_another(
     stage: Stage, loading: Sequence[LoadStep], mapper: Mapper
 ) -> Iterator[_SolvedStep]:
-    """Solve the steps of first loading in order, and pass the result of `remember` from step to step."""
+    """Solve the steps of first loading in order, and pass the value that `remember` returns to the next step."""
     before = _NOTHING_BEFORE
     for step in loading:
         (solved,) = mapper(stage, [step], [True], [before])
@@ -330,10 +334,10 @@ def _solve_step(
     take: Callable[[LoadState], Any] | None,
     remember: Callable[[Contact], Any] | None,
 ) -> _SolvedStep:
-    """Solve the state of one load step.
+    """Solve the contact state of one load step.
 
-    is_peak : whether to keep the plastic deformation for unloading from this step.
-    before : solved step at the peak load from which this step is unloaded, or the previous step of first loading.
+    is_peak : whether the result contains the plastic deformation, which an unloading from this step needs.
+    before : for a step of an unloading, the solved step at the peak load; otherwise the previous step of first loading.
     """
     options = {} if remember is None else {"remembered": before.memory}
     deformation = before.deformation
@@ -353,7 +357,10 @@ def _solve_step(
 
 
 def _fraction_yielded_again(contact: Contact, deformation: np.ndarray, rtol: float) -> float:
-    """Compute the fraction of points whose plastic deformation has grown by more than the error of the solution."""
+    """Compute the fraction of points whose plastic deformation exceeds the earlier `deformation` (n1, n2) [m].
+
+    An increase counts only if it is larger than the error of the solution.
+    """
     # `depth` is the elastic displacement of a single pixel under the largest pressure, p/c with c = πE*/(4Δ)
     half_space = contact.half_space
     largest_pressure = float(contact.pressure.max())

@@ -251,9 +251,9 @@ def strip_symbol(
 ) -> Array:
     """Compute the eigenvalues of the compliance K [m/Pa] for one free axis and one periodic or mirror axis.
 
-    Consider a line load that varies as a wave q along the periodic or mirror axis. With the distance x from this load along the free
-    axis, the displacement decays as (2/πE*) K₀(|q||x|). For q = 0, the displacement is the logarithmic solution of
-    plane strain, which contains an arbitrary constant.
+    Consider a line load that varies as a wave q along the periodic or mirror axis. With the distance x from this load
+    along the free axis, the displacement decays as (2/πE*) K₀(|q||x|). For q = 0, the displacement is the logarithmic
+    solution of plane strain, which contains an arbitrary constant.
 
     A pressure that is constant on each pixel and follows a wave q from pixel to pixel also contains the aliases
     q + 2πm/Δ for all integers m. The displacement of this pressure is therefore a sum over all aliases. The term of an

@@ -1,4 +1,4 @@
-"""Define contact laws whose hardness is a curve over depth: from a table, by Nix and Gao, or of a coated body."""
+"""Define contact laws whose hardness depends on the depth: from a table, by Nix and Gao, and for a coated body."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from ..base import Array, Flags, InputError, counted, reals, to_text, validate
 from ..materials import Coated
 from .law import ContactLaw, contact_law
 
-#: Fraction of the thickness of a coating, beyond it, over which its hardness passes into that of the substrate. A step
-#: would have no slope.
+#: Depth interval, as a fraction of the thickness of a coating, in which H(u) changes from the hardness of the coating
+#: to the hardness of the substrate. The change is gradual, because a step would have no finite slope.
 _PASSAGE = 0.1
 #: Depth [m] above which experiments agree with the law of Nix and Gao (Feng & Nix, Scripta Mater. 51, 2004, 599).
 SMALLEST_DEPTH = 1e-7
@@ -21,23 +21,23 @@ SMALLEST_DEPTH = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class HardnessTable(ContactLaw):
-    """Law with a table of hardness over depth, as instrumented indentation measures it.
+    """Contact law with a table of hardness over depth, as instrumented indentation measures it.
 
-    A point with the plastic deformation u is assumed to carry the pressure of an indentation of this depth. H(u) is
-    interpolated with a monotone cubic (PCHIP; Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300), and constant
-    beyond the ends of the table.
+    The plastic deformation u of a point is taken as the depth of an indentation, and H(u) as the hardness measured at
+    this depth. Between the depths of the table, H(u) is interpolated by monotone cubics (PCHIP; Fritsch & Butland, SIAM
+    J. Sci. Stat. Comput. 5, 1984, 300). Beyond the ends of the table, H(u) is constant.
 
     Parameters
     ----------
     depth : array (n,)
-        Depths >= 0 in rising order [m].
+        Depths >= 0 in increasing order [m].
     hardness : array (n,)
         Hardness > 0 at each depth [Pa].
 
     Raises
     ------
     InputError
-        There are fewer than two points, the depths do not rise, or a hardness is not a finite number > 0.
+        The table has fewer than two rows, the depths do not increase, or a hardness is not positive and finite.
 
     Examples
     --------
@@ -69,7 +69,7 @@ class HardnessTable(ContactLaw):
 
     @cached_property
     def _curves(self) -> tuple[Any, Any]:
-        """Interpolated curve H(u) between the ends of the table, and its derivative."""
+        """Interpolating functions for H(u) and for dH/du between the ends of the table."""
         from scipy.interpolate import PchipInterpolator
 
         curve = PchipInterpolator(self.depth, self.hardness)
@@ -77,26 +77,29 @@ class HardnessTable(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """Hardness at the largest depth of the table [Pa], which is also the hardness at larger depths."""
+        """Largest mean pressure [Pa] that the points can carry: the last hardness of the table.
+
+        At depths beyond the table, the hardness has this value as well.
+        """
         return float(self.hardness[-1])
 
     @property
     def constant_depth(self) -> float:
-        """Smallest depth of the table [m]; at smaller depths the hardness is constant."""
+        """Smallest depth of the table [m], up to which the hardness is constant."""
         return float(self.depth[0])
 
     @property
     def bends(self) -> Array:
-        """Depths [m] of the table, between which the curve is a cubic."""
+        """Depths of the table [m]. Between two depths, the curve H(u) is a cubic."""
         return self.depth
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """Interpolate H(u) [Pa]."""
+        """Interpolate the hardness H(u) [Pa] in the table."""
         curve, _ = self._curves
         return curve(np.clip(deformation, self.depth[0], self.depth[-1]))
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """Compute dH/du [Pa/m], which is 0 beyond the ends of the table."""
+        """Compute the slope dH/du [Pa/m] of the interpolated hardness; beyond the ends of the table it is 0."""
         u = reals(deformation)
         first, last = self.depth[0], self.depth[-1]
         _, derivative = self._curves
@@ -111,11 +114,11 @@ class HardnessTable(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class NixGao(ContactLaw):
-    """Law of a metal that is harder at small depths: H(u) = H₀ √(1 + h*/u), constant below a smallest depth.
+    """Contact law of a metal that is harder at small depths: H(u) = H₀ √(1 + h*/u), constant below a smallest depth.
 
-    Such a metal softens as it yields (Nix & Gao, J. Mech. Phys. Solids 46, 1998, 411). As the depth tends to 0, the
-    formula tends to infinity, whereas the measured hardness remains finite below about 0.1 µm (Feng & Nix, Scripta
-    Mater. 51, 2004, 599). The hardness is therefore constant below a smallest depth.
+    The hardness of a metal that follows this law decreases as the metal yields (Nix & Gao, J. Mech. Phys. Solids 46,
+    1998, 411). As the depth u tends to 0, the formula tends to infinity. The measured hardness, however, remains finite
+    below about 0.1 µm (Feng & Nix, Scripta Mater. 51, 2004, 599). Below a smallest depth, H(u) is therefore constant.
 
     Parameters
     ----------
@@ -129,7 +132,7 @@ class NixGao(ContactLaw):
     Raises
     ------
     InputError
-        A value is out of its range.
+        A parameter is outside its permissible range.
 
     Examples
     --------
@@ -148,21 +151,21 @@ class NixGao(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """Hardness H₀ at large depths [Pa]; at smaller depths points carry at least this pressure."""
+        """Largest mean pressure [Pa] that the points can carry at any depth: the hardness H₀ at large depths."""
         return self.hardness
 
     @property
     def constant_depth(self) -> float:
-        """The smallest depth [m], below which the hardness is constant."""
+        """Depth [m] up to which the hardness is constant: the parameter `smallest_depth`."""
         return self.smallest_depth
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """Compute H₀ √(1 + h*/u) [Pa]."""
+        """Compute the hardness H₀ √(1 + h*/u) [Pa]; below the smallest depth, u is replaced by this depth."""
         u = np.maximum(deformation, self.smallest_depth)
         return self.hardness * np.sqrt(1 + self.depth / u)
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """Compute dH/du <= 0 [Pa/m]."""
+        """Compute the slope dH/du <= 0 [Pa/m] of the hardness; below the smallest depth the slope is 0."""
         u = np.maximum(deformation, self.smallest_depth)
         slope = -0.5 * self.hardness * self.depth / (u**2 * np.sqrt(1 + self.depth / u))
         return np.where(np.asarray(deformation) >= self.smallest_depth, slope, 0.0)
@@ -177,15 +180,19 @@ class NixGao(ContactLaw):
 
 @dataclass(frozen=True, eq=False)
 class CoatedLaw(ContactLaw):
-    """Law of a coated body: points yield at the hardness of the coating up to its thickness, then at the substrate's.
+    """Contact law of a coated body: H(u) is the hardness of the coating down to its thickness, then of the substrate.
 
-    Up to u = d, H(u) is the curve of the coating. Between d and 1.1 d it changes smoothly to the curve of the
-    substrate, which is evaluated at the deformation u − d of the substrate. The law assumes that the substrate does not
-    constrain the plastic flow of the coating up to u = d. This is a good approximation for contact patches that are at
-    most about six times as wide as the coating is thick. If a coating of yield stress σ_y sticks to both faces, a strip
-    of width w in contact carries the mean pressure (2/√3) σ_y (1 + w/4d) in plane strain (slab method, Hosford &
-    Caddell, Metal Forming, section 9.11). This exceeds 2.8 σ_y for w > 5.7 d: by 44 % for w = 10 d, and by a factor of
-    2.5 for w = 20 d. A law for single points cannot take w into account.
+    Up to the plastic deformation u = d, H(u) is the curve of the coating. Between d and 1.1 d, H(u) changes smoothly to
+    the curve of the substrate. The curve of the substrate is evaluated at the plastic deformation u − d of the
+    substrate.
+
+    The law assumes that the substrate does not constrain the plastic flow of the coating up to u = d. The assumption is
+    a good approximation for contact patches that are at most about six times as wide as the coating is thick. On wider
+    patches, the coating carries more pressure than the law assumes. Consider a strip of width w in contact, with a
+    coating of yield stress σ_y that sticks to both faces. In plane strain, the mean pressure on the strip is
+    (2/√3) σ_y (1 + w/4d) (slab method, Hosford & Caddell, Metal Forming, section 9.11). The mean pressure on the strip
+    exceeds the usual hardness 2.8 σ_y if w > 5.7 d: by 44 % for w = 10 d, and by a factor of 2.5 for w = 20 d. The
+    contact law of a single point cannot take the width w into account.
 
     Parameters
     ----------
@@ -194,12 +201,12 @@ class CoatedLaw(ContactLaw):
     substrate : ContactLaw
         Law of the substrate.
     thickness : float
-        Thickness d of the coating [m], > 0.
+        Thickness d > 0 of the coating [m].
 
     Raises
     ------
     InputError
-        The thickness is not > 0.
+        The thickness is not positive.
 
     Examples
     --------
@@ -218,7 +225,7 @@ class CoatedLaw(ContactLaw):
 
     @classmethod
     def of(cls, body: Coated) -> ContactLaw:
-        """Make the law of a coated body from the hardness of both solids; see `law_of_coating`."""
+        """Make the contact law of a coated body from the hardness of its coating and of its substrate."""
         substrate = None if body.substrate is None else body.substrate.hardness
         return law_of_coating(
             contact_law(_hardness(body.layer.hardness)),
@@ -228,22 +235,29 @@ class CoatedLaw(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """Largest mean pressure [Pa], which the substrate carries once the coating has yielded through."""
+        """Largest mean pressure [Pa] that the points can carry.
+
+        The substrate determines this pressure, because the coating may yield through its whole thickness.
+        """
         return self.substrate.capacity
 
     @property
     def constant_depth(self) -> float:
-        """Depth [m] up to which the hardness of the coating is constant, at most its thickness."""
+        """Depth [m] up to which H(u) is constant, which is at most the thickness of the coating."""
         return min(self.layer.constant_depth, self.thickness)
 
     @property
     def bends(self) -> Array:
-        """Depths [m] at which the passage to the substrate and the formulas of both laws begin and end."""
+        """Depths [m] at which the formula of H(u) changes.
+
+        The depths include the beginning and the end of the change from coating to substrate, and the depths at which
+        the formula of the coating or of the substrate changes.
+        """
         d = self.thickness
         return np.r_[self.layer.bends, d, (1 + _PASSAGE) * d, d + self.substrate.bends]
 
     def at(self, is_chosen: Flags) -> ContactLaw | None:
-        """Return the law of some points."""
+        """Return the contact law of the chosen points, see `ContactLaw.at`."""
         layer = self.layer.at(is_chosen)
         substrate = self.substrate.at(is_chosen)
         if layer is None or substrate is None:
@@ -251,14 +265,14 @@ class CoatedLaw(ContactLaw):
         return CoatedLaw(layer, substrate, self.thickness)
 
     def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """Compute H(u) [Pa]."""
+        """Compute the hardness H(u) [Pa] of the coated body."""
         u = reals(deformation)
         layer = self.layer.yield_pressure(u)
         share = self._share(u)
         return layer + share * (self.substrate.yield_pressure(self._below(u)) - layer)
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """Compute dH/du [Pa/m]."""
+        """Compute the slope dH/du [Pa/m] of the hardness of the coated body."""
         u = reals(deformation)
         x = self._passed(u)
         share = self._share(u)
@@ -269,15 +283,15 @@ class CoatedLaw(ContactLaw):
         return slope + 6 * x * (1 - x) / (_PASSAGE * self.thickness) * difference
 
     def _below(self, u: Array) -> Array:
-        """Return the deformation of the substrate [m], by which u exceeds the thickness of the coating."""
+        """Return the plastic deformation of the substrate [m]: u minus the thickness of the coating, at least 0."""
         return np.maximum(u - self.thickness, 0.0)
 
     def _passed(self, u: Array) -> Array:
-        """Return how far the change from coating to substrate has progressed at a deformation u, from 0 to 1."""
+        """Return a coordinate x that increases from 0 at u = d to 1 at u = 1.1 d, where d is the coating's thickness."""
         return np.clip((u / self.thickness - 1) / _PASSAGE, 0.0, 1.0)
 
     def _share(self, u: Array) -> Array:
-        """Return the weight of the substrate in H(u), a smooth cubic function from 0 to 1."""
+        """Return the weight of the substrate's hardness in H(u), which increases smoothly from 0 to 1 as 3x² − 2x³."""
         x = self._passed(u)
         return x**2 * (3 - 2 * x)
 
@@ -286,15 +300,15 @@ class CoatedLaw(ContactLaw):
 
 
 def law_of_coating(layer: ContactLaw, substrate: ContactLaw | None, thickness: float) -> ContactLaw:
-    """Make the law of a coated body.
+    """Make the contact law of a coated body.
 
-    If the substrate never yields, because it is rigid (None) or has no strength given, the law of the coating applies
-    at every depth and is returned. It is also returned if the coating never yields.
+    In two cases the law of the coating applies at every depth, and is returned: if the substrate never yields,
+    as it is rigid (None) or has no given strength, and if the coating never yields.
 
     Parameters
     ----------
     layer, substrate : ContactLaw
-        Laws of coating and substrate; None is a rigid substrate.
+        Contact laws of the coating and of the substrate; the substrate is None if it is rigid.
     thickness : float
         Thickness of the coating [m].
     """
@@ -304,5 +318,5 @@ def law_of_coating(layer: ContactLaw, substrate: ContactLaw | None, thickness: f
 
 
 def _hardness(hardness: float | None) -> float:
-    """Return a hardness [Pa] as a number; None becomes infinity."""
+    """Return a hardness [Pa] as a number. None, which means that the solid never yields, is converted to infinity."""
     return np.inf if hardness is None else float(hardness)

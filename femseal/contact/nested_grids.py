@@ -1,6 +1,7 @@
-"""Solve a contact with a linear law on nested grids, from a coarse one to the given one.
+"""Solve a contact with a linear contact law on nested grids.
 
-The solution on each grid is the first guess on the next finer one, see `active_sets` for the method on one grid.
+The contact is first solved on the coarsest grid. The solution on each grid is the first guess on the next finer grid,
+until the given grid is reached. The module `active_sets` describes the method on a single grid.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ class Level(NamedTuple):
     load: float
 
     def coarser(self) -> Level:
-        """Make the problem on the next coarser grid, with about half as many points along each axis."""
+        """Make the contact problem on the next coarser grid, with about half as many points along each axis."""
         hardness, slope = (
             coarsened(values) if values.size > 1 else values
             for values in (self.line.hardness, self.line.slope)
@@ -60,7 +61,7 @@ class Level(NamedTuple):
         return Level(coarsened(self.gap0), self.half_space.coarser, line, load)
 
     def on_grid(self, offset: float) -> Problem:
-        """Make the problem for the solver on a single grid; heights are measured from `offset` [m]."""
+        """Return the data of the problem for `solve_active_sets`; heights are measured from `offset` [m]."""
         return Problem(
             gap0=self.gap0.ravel(),
             offset=offset,
@@ -72,7 +73,7 @@ class Level(NamedTuple):
     def first_guess(self) -> Array:
         """Guess the pressure: distribute the load uniformly on the highest points.
 
-        The number of points is chosen so that their mean pressure is the smaller of the hardness and 0.1 E*.
+        The number of these points is chosen so that the pressure on them is the smaller of the hardness and 0.1 E*.
         """
         wanted_pressure = min(self.line.mean_hardness, 0.1 * self.half_space.pixel_modulus)
         gap0 = self.gap0
@@ -85,9 +86,10 @@ class Level(NamedTuple):
 
 
 def solve_straight_law(level: Level, rtol: float, start: Array | None = None) -> Contact:
-    """Solve a contact with a linear law, from the coarsest grid to the given one.
+    """Solve a contact with a linear contact law.
 
-    start : first guess of the pressure (n1, n2) [Pa] on the given grid. With a guess, no coarser grids are used.
+    start : first guess of the pressure (n1, n2) [Pa] on the given grid. By default, the first guess is computed on
+        coarser grids.
     """
     # heights are measured from the highest point, so that rounding errors are small for points in contact
     offset = float(level.gap0.min())
@@ -105,7 +107,11 @@ def solve_straight_law(level: Level, rtol: float, start: Array | None = None) ->
 
 
 def _start_from_coarser_grids(level: Level, offset: float) -> Array:
-    """Solve a contact on coarser grids, and return the pressure on the last of them, or a guess if there is none."""
+    """Solve a contact on all coarser grids, beginning with the coarsest grid.
+
+    Returns the pressure [Pa] on the finest of the coarser grids; if no coarser grid is used, the guess of
+    `Level.first_guess` on the given grid.
+    """
     levels = [level]
     while max(levels[-1].half_space.shape) > COARSEST:
         levels.append(levels[-1].coarser())
@@ -121,7 +127,10 @@ def _start_from_coarser_grids(level: Level, offset: float) -> Array:
 
 
 def uniform_contact(level: Level, offset: float, pressure: float | Array) -> Contact:
-    """Make the result for a contact without load, or with all points in contact at a known pressure [Pa]."""
+    """Make a `Contact` without solving a problem, because the pressure of all points is known.
+
+    pressure : 0 for a contact without load, or the pressure of each point [Pa] if all points are in contact.
+    """
     grid = workspace(level.half_space)
     grid.pressure[:] = pressure
     v = grid.displacement()
@@ -131,7 +140,7 @@ def uniform_contact(level: Level, offset: float, pressure: float | Array) -> Con
 
 
 def check_solution(level: Level, carried: float, solution: Solution, rtol: float) -> None:
-    """Raise NotConverged if the residual is above `rtol`, or if the mean pressure [Pa] differs from the load."""
+    """Raise NotConverged if the residual is above `rtol`, or if the mean pressure `carried` [Pa] is not the load."""
     if not abs(carried - level.load) <= _LOAD_TOLERANCE * level.load:
         raise NotConverged(
             f"contact: the solution carries {carried / level.load:.6g} times the given load; try another grid",
@@ -146,18 +155,18 @@ def check_solution(level: Level, carried: float, solution: Solution, rtol: float
 
 
 def make_contact(level: Level, grid: Workspace, offset: float, solution: Solution) -> Contact:
-    """Make the result from the solution that is stored in the workspace of a grid.
+    """Make a `Contact` from the solution that is stored in the workspace of a grid.
 
     Parameters
     ----------
     level : Level
         Contact problem on this grid, with the line H + h u of the contact law at each point.
     grid : Workspace
-        Arrays of the solver: the pressure, and v, which is the displacement plus the undeformed gap.
+        Arrays of the solver with the pressure and v, the displacement plus the undeformed gap.
     offset : float
-        Height [m] that was subtracted from the undeformed gap; it is added to the approach again.
+        Height [m] that was subtracted from the undeformed gap. The function adds this height to the approach.
     solution : Solution
-        Approach, residual and numbers of iterations and transforms.
+        Approach, residual, number of iterations and number of products with the compliance.
     """
     v = grid.arrays.v
     # a workspace that is kept for the next contact continues to use its array of pressures

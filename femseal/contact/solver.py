@@ -5,8 +5,9 @@ g = v − δ raw gap, E* contact modulus, u plastic deformation. The problem is 
 
     min ½⟨p, Kp⟩ + ⟨p, h₁⟩,  0 ≤ p ≤ H,  mean p = p̄.
 
-For a law that hardens, p ≤ H + h u, the term ½⟨(p − H)₊, (p − H)₊⟩/h replaces the upper bound. Contacts with such
-linear laws are solved in `nested_grids`, and those with curved laws in `curved_law`.
+For a contact law with linear hardening, p ≤ H + h u, the upper bound p ≤ H is replaced by the additional energy
+½⟨(p − H)₊, (p − H)₊⟩/h. The module `nested_grids` solves contacts with a linear law H + h u, and the module
+`curved_law` solves contacts with a curved law H(u).
 """
 
 from __future__ import annotations
@@ -46,24 +47,26 @@ def solve_contact(
     half_space : HalfSpace
         Elastic body, kinds of boundaries, and grid.
     pressure : float
-        Nominal pressure p̄ [Pa] with 0 ≤ p̄ ≤ mean H. At 0 the bodies just touch; at mean H all points are plastic. A
-        law that hardens carries any pressure. A fluid between the surfaces carries its mean pressure, and the
-        contact carries the rest.
+        Nominal pressure p̄ [Pa] with 0 ≤ p̄ ≤ mean H. At p̄ = 0 the bodies just touch. At p̄ = mean H all points are
+        plastic. If the points harden without limit, any nominal pressure can be carried. A fluid between the surfaces
+        carries its mean pressure, and the contact carries p̄ minus the mean fluid pressure.
     hardness : float, array (n1, n2) or ContactLaw
-        Hardness H [Pa] of perfect plasticity, infinite for an elastic body; or a law such as `LinearHardening`.
+        Hardness H [Pa] of perfect plasticity, infinite for an elastic body; or a contact law such as `LinearHardening`.
     deformation : array (n1, n2), optional
-        Plastic deformation >= 0 [m] due to an earlier load. The plastic deformation of the result includes it.
+        Plastic deformation >= 0 [m] due to an earlier load. The plastic deformation in the returned `Contact` includes
+        this earlier deformation.
     fluid_pressure : float or array (n1, n2)
-        Pressure p_f of a fluid between the surfaces [Pa], relative to the surroundings. The problem is then that of a
-        dry contact with three changes: the fluid opens the gap from h₁ to h₁ + K p_f, the contact carries p̄ − mean
-        p_f, and points yield at the contact pressure H − p_f.
+        Pressure p_f of a fluid between the surfaces [Pa], relative to the surroundings. The contact with the fluid is
+        equivalent to a dry contact with three changes: the undeformed gap is h₁ + K p_f instead of h₁, the contact
+        carries p̄ − mean p_f instead of p̄, and points yield at the contact pressure H − p_f instead of H.
     rtol : float
         Complementarity residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ to reach, with c = πE*/(4Δ). Δ is the geometric mean
-        of both spacings; an axis with only one point is left out. For other laws, the projection on the law takes the
-        place of clip.
+        of the pixel lengths along both axes; an axis with a single point is left out of the mean. For contact laws with
+        hardening, clip is replaced by the projection on the contact law.
     threads : int, optional
-        Number of threads that share the work on grids of 512² points or more. Default: the threads that the current run
-        leaves free, or one thread if there is no run. The number of threads does not change the results.
+        Number of threads that share the work on grids of 512² points or more. By default, all threads that the current
+        run leaves free are used; without a run, a single thread is used. The number of threads does not change the
+        results.
 
     Returns
     -------
@@ -72,18 +75,17 @@ def solve_contact(
     Raises
     ------
     InputError
-        A shape is wrong, points are undefined, the law cannot carry the pressure, or the pressure is less than the mean
-        pressure of the fluid, so that the surfaces separate.
+        An array has a wrong shape or undefined points, the contact law cannot carry the nominal pressure, or the
+        nominal pressure is less than the mean pressure of the fluid, so that the surfaces separate.
     NotConverged
-        The residual did not fall below its tolerance, or the tangents of a curved law still changed after 100
-        iterations.
+        The residual did not fall below `rtol`, or the tangents of a curved law still changed after 100 contacts.
 
     Notes
     -----
-    The method is an inexact semismooth Newton method on the sets of points in contact and at the hardness, as in
-    gradient-projection conjugate gradients (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231,
-    1999, 206). If the sets still change after many iterations, steps are used that never raise the energy. The
-    attribute `residual` is that of the returned pressure.
+    The method is an inexact semismooth Newton method. Its active sets are the points in contact and the points at the
+    hardness, as in gradient-projection conjugate gradients (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky &
+    Keer, Wear 231, 1999, 206). If the active sets still change after many iterations, the solver continues with steps
+    that never increase the energy. The attribute `residual` of the returned `Contact` belongs to the returned pressure.
 
     Examples
     --------
@@ -130,9 +132,9 @@ def _as_dry_contact(
     Returns
     -------
     gap : array (n1, n2)
-        Undeformed gap [m], opened by the fluid.
+        Undeformed gap h₁ + K p_f [m], which includes the displacement due to the fluid pressure.
     law : ContactLaw
-        Law of the contact pressure alone.
+        Law of the contact pressure without the fluid pressure, H(u) − p_f.
     pressure : float
         Nominal pressure that the contact has to carry [Pa].
     """
@@ -162,14 +164,14 @@ def _as_dry_contact(
 
 
 def _checked_load(pressure: float, law: ContactLaw) -> float:
-    """Return the nominal pressure as a number; raise InputError if the law cannot carry it."""
+    """Return the nominal pressure as a float; raise InputError if the contact law cannot carry this pressure."""
     pressure = validate.number("pressure", pressure, unit="Pa", inclusive=True)
     check_capacity("pressure", pressure, law)
     return pressure
 
 
 def check_capacity(name: str, pressure: float, law: ContactLaw) -> None:
-    """Raise InputError if a law cannot carry a mean pressure [Pa]."""
+    """Raise InputError if a contact law cannot carry a mean pressure [Pa]; `name` is the parameter in the message."""
     if pressure > law.capacity * (1 + 1e-12):
         expected = f"at most the mean hardness, {law.capacity:g} Pa"
         raise InputError(name, f"{pressure:g} Pa", expected)

@@ -1,9 +1,9 @@
-"""Solve a contact with a curved law as a sequence of contacts with tangents of the law.
+"""Solve a contact with a curved law H(u) as a sequence of contacts, in which tangents replace the curve.
 
-Each tangent touches the curve at the plastic deformation of the previous contact. The sequence costs 5 to 20 times as
-much as a contact with a linear law. It is used for the laws that `curved_law` cannot solve: laws that soften so steeply
-that single pixels yield while their neighbours do not, and laws whose curve differs from point to point in an unknown
-way.
+Each tangent touches the curve at the plastic deformation of the previous contact. The sequence takes 5 to 20 times as
+long as a single contact with a linear law. The sequence is used for the contact laws that `curved_law` cannot solve:
+laws that soften so steeply that single pixels yield while their neighbours do not, and laws in which the curves of
+different points differ by more than a shift.
 """
 
 from __future__ import annotations
@@ -21,36 +21,40 @@ from .nested_grids import Level, solve_straight_law
 
 #: Largest number of contacts with tangents of a curved law.
 _MOST_TANGENTS = 100
-#: Target residual of a contact with a tangent, relative to the mismatch that the previous tangent has left, and its
-#: largest value.
+#: Largest target residual of a contact with tangents; and target residual divided by the relative difference between
+#: pressure and contact law after the previous contact.
 _LARGEST_TANGENT_RTOL = 1e-2
 _TANGENT_RTOL = 0.1
-#: A steep tangent is used from the depth on at which its pressure is this fraction of the yield pressure below the
-#: pressure at the point of contact with the curve.
+#: A steep tangent begins at the depth at which its pressure has fallen by this fraction of the yield pressure at the
+#: point of tangency.
 _FROM_DEPTH = 0.5
 #: Smallest deformation [m] that is tried to carry a load, and numbers of doublings and bisections of this deformation.
 _LEAST_DEFORMATION, _DOUBLINGS, _BISECTIONS = 1e-9, 25, 12
-#: Shortest step of a curved law, over the change of the deformation. Steps are halved if the mismatch is more than this
-#: fraction of the previous one.
+#: The plastic deformation is changed by a fraction of its computed change. The first value is the smallest fraction.
+#: The fraction is halved if the difference between pressure and law exceeds the second value times the difference
+#: before.
 _SHORTEST_STEP, _SLOW = 0.125, 0.9
-#: Smallest slope of tangents, as a fraction of the stiffness of the half-space. It is used if the tangents could not
-#: carry the load otherwise.
+#: Smallest slope of tangents, as a fraction of the stiffness of the half-space, if the tangents could otherwise not
+#: carry the load.
 _SMALL_STIFFNESS = 0.1
 
 
 def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
     """Solve a contact with a curved law as a sequence of contacts with tangents of the law.
 
-    Each tangent touches the curve at the plastic deformation u of the previous contact. The pressure of that contact is
-    the first guess of the next one. If the law softens and the change of u has reversed its sign, only half of the
-    change is made, because u could otherwise oscillate between two tangents. The tolerance of each contact is a
-    fraction of the mismatch between pressure and law after the previous contact. Where the law begins with a constant
-    hardness that no point exceeds, the first contact is the solution.
+    Each tangent touches the curve at the plastic deformation u of the previous contact. The pressure of the previous
+    contact is the first guess of the next contact. The mismatch is the relative difference between a pressure and its
+    projection on the contact law. The target residual of a contact is a fraction of the mismatch after the previous
+    contact.
+
+    If the law of a point softens, and the change of u has reversed its sign, only half of the change is made. Otherwise
+    u could oscillate between two tangents. If the law begins with a constant hardness up to a certain depth, and no
+    point is deformed beyond this depth, the first contact is already the solution.
 
     Raises
     ------
     NotConverged
-        Pressures and deformations do not agree with the law after `_MOST_TANGENTS` contacts.
+        After `_MOST_TANGENTS` contacts, the pressures and plastic deformations still do not agree with the law.
     """
     shape = level.half_space.shape
     stiffness = level.half_space.stiffness
@@ -104,9 +108,9 @@ def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
         change = step * np.where(turns_back, 0.5, 1.0) * (next_u - u)
         u = u + change
     raise NotConverged(
-        f"contact: after {_MOST_TANGENTS} tangents the pressures differ from the law by {mismatch:.1e}, wanted "
-        f"{rtol:.1e}; try a law that softens less, such as a smoother table or a larger smallest depth, or a finer "
-        "grid",
+        f"contact: after {_MOST_TANGENTS} contacts with tangents of the curved law, the relative difference between "
+        f"pressure and law is still {mismatch:.1e}, wanted {rtol:.1e}; try a law that softens less, such as a smoother "
+        "table or a larger smallest depth, or a finer grid",
         mismatch,
     )
 
@@ -116,8 +120,9 @@ def _tangent_from_depth(
 ) -> tuple[YieldLine, float | Array]:
     """Compute the tangents of a law at the deformations u (n1, n2) [m], and the depth at which each tangent begins.
 
-    If a steep tangent were extended to u = 0, its pressure there would be negative. Such a tangent therefore begins at
-    a larger depth. The caller adds this depth to the gap, so that deformations in the contact problem count from there.
+    If a steep tangent were extended to u = 0, the pressure at u = 0 would be negative. A steep tangent therefore begins
+    at a depth b > 0. The caller adds b to the undeformed gap, so that the contact problem is solved for the plastic
+    deformation u − b.
 
     first : tangent of the law at u = 0.
     """
@@ -145,9 +150,12 @@ def _tangent_from_depth(
 def _increase_to_carry(law: ContactLaw, u: Array, load: float) -> float:
     """Find by how much the deformation of all points has to increase for their hardness to carry the load.
 
-    Returns 0 if no such increase is found. A uniform increase of the deformation changes the approach, but not the
-    pressure. It is necessary if, for example, a coating has to yield through its thickness: otherwise all tangents
-    would remain those of its constant hardness.
+    Returns 0 if no increase suffices. If the deformations of all points increase by the same length, only the approach
+    changes, and the pressure remains the same.
+
+    The increase is necessary, for example, if a soft coating has to yield through its whole thickness before the harder
+    substrate carries the load. Without the increase, all tangents would be horizontal lines at the constant hardness of
+    the coating, which cannot carry the load.
 
     u : array (n1, n2), plastic deformation [m].
     load : nominal pressure [Pa].
@@ -172,7 +180,7 @@ def _increase_to_carry(law: ContactLaw, u: Array, load: float) -> float:
 
 
 def _softens(law: ContactLaw, u: Array) -> bool:
-    """Return whether a law softens at any of the deformations u (n1, n2) [m]."""
+    """Return whether dH/du < 0 for at least one point, at the plastic deformations u (n1, n2) [m]."""
     is_curved = u > law.constant_depth
     if not is_curved.any():
         return False
@@ -181,9 +189,9 @@ def _softens(law: ContactLaw, u: Array) -> bool:
 
 
 def _law_at(law: ContactLaw, is_chosen: Flags) -> tuple[ContactLaw, Any]:
-    """Return the law of the chosen points, and the index that selects these points from an array.
+    """Return the contact law of the chosen points, and the index that selects the chosen points from an array.
 
-    If the law is only defined for all points together, the law itself and an index of all points are returned.
+    If the law is only defined for all points together, the original law and an index of all points are returned.
     """
     part = law.at(is_chosen)
     if part is None:
@@ -192,7 +200,7 @@ def _law_at(law: ContactLaw, is_chosen: Flags) -> tuple[ContactLaw, Any]:
 
 
 def _with_gap(contact: Contact, raw_gap: Array, is_plastic: Flags) -> Contact:
-    """Return a contact with gap and plastic deformation computed from another raw gap (n1, n2) [m]."""
+    """Return a copy of a contact whose gap and plastic deformation follow from the given raw gap (n1, n2) [m]."""
     return replace(
         contact,
         gap=np.maximum(raw_gap, 0.0),

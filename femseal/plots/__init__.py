@@ -1,8 +1,8 @@
 """Draw pictures of all results.
 
-`picture(result)` draws the figure that `result.plot()` shows. Each of the other functions draws the figure of a
-particular class of results, or a further figure of a run. All of them have the style of `style`. matplotlib is only
-imported when something is drawn.
+`picture(result)` draws the figure that `result.plot()` shows. The other drawing functions draw the figure of a
+particular class of results, or a further figure of a run. The module `style` defines the style of all figures.
+matplotlib is imported only when something is drawn.
 """
 
 from .cell_figures import cells_figure

@@ -1,4 +1,7 @@
-"""Options of a scene that are chosen by name. They have their own file so that a case is read without the solvers."""
+"""Options of a scene that are chosen by name.
+
+The names are defined in a separate file, so that a case can be read without importing the solvers.
+"""
 
 #: Effect of the fluid pressure on the surfaces: it acts, it acts and trapped liquid keeps its volume, or it is ignored.
 FLUID_EFFECTS = ("acts", "trapped", "ignored")
