@@ -1,13 +1,15 @@
-"""Describe fluids, each by its pressure potential.
+"""Describe fluids. Each fluid is defined by its pressure potential.
 
-If the density ρ and the viscosity η of a fluid depend on pressure only, the flow equation is linear in the pressure
-potential φ with dφ = (ρ/η) dp [kg/(m³ s)]. The mass flow rate is then the conductance times the difference of φ between
-inlet and outlet. The permeability of a gap follows from the flow law of the fluid, its property `law`; without this
-property, the cubic law is used (see `femseal.flow.law`).
+If the density ρ and the viscosity η of a fluid depend on the pressure alone, the flow equation is linear in the
+pressure potential φ with dφ = (ρ/η) dp [kg/(m³ s)]. The mass flow rate through a seal is the conductance of the seal
+times the difference of φ between inlet and outlet.
 
-To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. No more is needed to use
-the fluid from Python. If the class is added to `FLUIDS`, a case file can choose it by its `kind`, and each of its
-parameters is a key of the case.
+The property `law` of a fluid is its flow law, which gives the permeability of a gap. For a fluid without this property,
+the cubic law is used (see `femseal.flow.law`).
+
+To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. With this class, the
+fluid can be used from Python. To use the fluid in case files as well, add the class to `FLUIDS`. A case file then
+chooses the class by its `kind`, and the parameters of the class are keys of the case.
 """
 
 from __future__ import annotations
@@ -45,7 +47,7 @@ class Fluid(Protocol):
         ...
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the pressure [Pa] at which the potential has a given value; this is the inverse of `potential`."""
+        """Return the pressure [Pa] at which the potential has a given value, as the inverse of `potential`."""
         ...
 
 
@@ -130,22 +132,22 @@ class _OnFaces:
 
     @property
     def law(self) -> FlowLaw:
-        """Flow law: the cubic law, or the law for a slip length if there is one."""
+        """Flow law: the law for a slip length if the slip length is positive, otherwise the cubic law."""
         return SlipLength(self.slip_length) if self.slip_length else CUBIC_LAW
 
 
 @dataclass(frozen=True)
 class Liquid(_OnFaces):
-    """Describe a liquid of constant density whose viscosity is constant or rises with pressure by Barus' law.
+    """Describe a liquid of constant density whose viscosity is constant, or increases with pressure by Barus' law.
 
-    The viscosity is η = η₀ exp(αp). The potential is φ = (ρ/η₀)(1 − exp(−αp))/α, and ρp/η₀ for α = 0.
+    The viscosity is η = η₀ exp(αp). The pressure potential is φ = (ρ/η₀)(1 − exp(−αp))/α, and φ = ρp/η₀ for α = 0.
 
     Parameters
     ----------
     viscosity : float
         Viscosity η₀ at zero pressure [Pa s].
     density : float
-        Density ρ [kg/m³], by default that of water. Only the mass flow rate depends on it.
+        Density ρ [kg/m³], by default the density of water. Of all results, only the mass flow rate depends on ρ.
     pressure_viscosity : float
         Pressure-viscosity coefficient α [1/Pa], >= 0.
     surface_tension : float, optional
@@ -193,20 +195,20 @@ class Liquid(_OnFaces):
 
 @dataclass(frozen=True)
 class RoelandsLiquid(_OnFaces):
-    """Describe a liquid whose viscosity rises with pressure by Roelands' law.
+    """Describe a liquid whose viscosity increases with pressure by Roelands' law.
 
     The viscosity is η = η₀ exp{(ln η₀ + 9.67)(−1 + (1 + p/p_r)^Z)} with p_r = 196.2 MPa and Z = α p_r/(ln η₀ + 9.67).
-    At high pressure the viscosity rises less steeply than by Barus' law. The potential ∫ρ/η dp is computed by
-    quadrature. Source: Roelands, doctoral thesis, Delft, 1966.
+    At high pressures, the viscosity increases less steeply than by Barus' law. The pressure potential ∫ρ/η dp is
+    computed by Gauss quadrature. Source: Roelands, doctoral thesis, Delft, 1966.
 
     Parameters
     ----------
     viscosity : float
         Viscosity η₀ at zero pressure [Pa s], above 6.31e-5.
     pressure_viscosity : float
-        Pressure-viscosity coefficient α = d ln η/dp at p = 0 [1/Pa], the same as in Barus' law.
+        Pressure-viscosity coefficient α = d ln η/dp at p = 0 [1/Pa], the same coefficient as in Barus' law.
     density : float
-        Density ρ [kg/m³]. Only the mass flow rate depends on it.
+        Density ρ [kg/m³]. Of all results, only the mass flow rate depends on ρ.
     surface_tension : float, optional
         Surface tension γ [N/m], for `capillary_entry_pressure`. Keyword only.
     contact_angle : float, optional
@@ -234,7 +236,7 @@ class RoelandsLiquid(_OnFaces):
 
     @property
     def _scale_and_exponent(self) -> Pair:
-        """Scale ln η₀ + 9.67 and exponent Z of Roelands' law."""
+        """Factor ln η₀ + 9.67 and exponent Z in Roelands' law, both dimensionless."""
         scale = log(self.viscosity) + _ROELANDS_LOG
         return scale, self.pressure_viscosity * _ROELANDS_PRESSURE / scale
 
@@ -255,7 +257,10 @@ class RoelandsLiquid(_OnFaces):
         return self.density * 0.5 * x_end[..., 0] * (integrand @ _WEIGHTS)
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the pressure [Pa] at which the potential has a given value, by Newton's method; inf if none has."""
+        """Return the pressure [Pa] at which the potential has a given value, by Newton's method.
+
+        The potential cannot exceed its limit for p → ∞. For larger values, the result is infinity.
+        """
         φ = reals(potential)
 
         def slope(p: Array) -> Array:
@@ -271,9 +276,9 @@ class RoelandsLiquid(_OnFaces):
 class IdealGas(Gas):
     """Describe an isothermal ideal gas.
 
-    The potential is φ = M p²/(2 R T η). Without slip, the mass flow rate is therefore proportional to p_in² − p_out².
-    If the gap is not large compared with the mean free path, the flow rate is larger by `flow_factor`, which depends on
-    the gap and the pressure. Volume flow rates refer to 101 325 Pa and the temperature of the gas.
+    The pressure potential is φ = M p²/(2 R T η). Without slip, the mass flow rate is therefore proportional to
+    p_in² − p_out². If the gap is not much larger than the mean free path, the flow rate is multiplied by `flow_factor`,
+    which depends on the gap and the pressure. Volume flow rates refer to 101 325 Pa and the temperature of the gas.
 
     Parameters
     ----------
@@ -307,14 +312,14 @@ class IdealGas(Gas):
 
     @property
     def law(self) -> FlowLaw:
-        """Flow law: that of Fukui and Kaneko, or the cubic law if slip is ignored."""
+        """Flow law: the law of Fukui and Kaneko, or the cubic law if slip is ignored."""
         if not self.slip:
             return CUBIC_LAW
         return FukuiKaneko(self.viscosity, self.speed)
 
     @property
     def _potential_factor(self) -> float:
-        """Ratio φ/p² of the potential to the square of the pressure [kg/(m³ s Pa²)]."""
+        """Ratio φ/p² of the pressure potential to the square of the pressure [kg/(m³ s Pa²)]."""
         return self.molar_mass / (2 * GAS_CONSTANT * self.temperature * self.viscosity)
 
     def potential(self, pressure: ArrayLike) -> Array:
@@ -326,7 +331,7 @@ class IdealGas(Gas):
         return np.sqrt(reals(potential) / self._potential_factor)
 
     def flow_factor(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
-        """Return the ratio of the gas flow rate through a gap to that by the cubic law; 1 if slip is ignored.
+        """Return the ratio of the gas flow rate through a gap to the flow rate by the cubic law; 1 if slip is ignored.
 
         Parameters
         ----------
@@ -338,7 +343,8 @@ class IdealGas(Gas):
         Returns
         -------
         array
-            Flow factor F = Q(D)/(D/6); inf where the gap or the pressure is 0.
+            Flow factor F = Q(D)/(D/6) with the inverse Knudsen number D and the dimensionless flow rate Q(D); infinite
+            where the gap or the pressure is 0.
 
         Raises
         ------
@@ -347,7 +353,7 @@ class IdealGas(Gas):
 
         Notes
         -----
-        See `femseal.flow.law.flow_rate` for Q(D), its source and its accuracy. For helium at 1 bar and 20 °C the
+        See `femseal.flow.law.flow_rate` for Q(D), its source and its accuracy. For helium at 1 bar and 20 °C, the flow
         factor is 2.5 in a gap of 1 µm and 21 in a gap of 100 nm.
 
         Examples
@@ -364,23 +370,22 @@ class IdealGas(Gas):
 
 
 def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
-    """Return the pressure potential of a fluid [kg/(m³ s)] at a pressure, and check the pressure.
+    """Return the pressure potential of a fluid [kg/(m³ s)] at a pressure, after checking the pressure.
 
     Parameters
     ----------
     fluid : Fluid
         Fluid whose potential is returned.
     name : str
-        Name of the pressure, for the error message.
+        Name of the parameter that contains the pressure, for the error message.
     pressure : float
         Pressure [Pa], absolute for a gas.
 
     Raises
     ------
     InputError
-        The pressure is not a finite number, or the model of the fluid is not valid at this pressure. The pressure of a
-        gas must not be negative. The pressure of a liquid must not be so high that its viscosity would be that of a
-        solid.
+        The pressure is not a finite number, the pressure of a gas is negative, or the pressure of a liquid is so high
+        that the formula for its viscosity is no longer valid.
     """
     p = validate.number(name, pressure, unit="Pa", above=-inf)
     if hasattr(fluid, "check_pressure"):
@@ -410,8 +415,8 @@ def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
     Returns
     -------
     float
-        Pressure [Pa]; inf for a gap of 0; NaN if the liquid wets the faces (θ <= 90°), or if its surface tension or
-        contact angle is unknown.
+        Capillary entry pressure [Pa]; infinite for a gap of 0; NaN if the liquid wets the faces (θ <= 90°), or if the
+        surface tension or the contact angle is unknown.
 
     Examples
     --------
@@ -437,15 +442,16 @@ def leak_basis(
     Parameters
     ----------
     fluid : Fluid
-        Fluid that leaks. It is a gas if it has a `reference_pressure`, to which its volumes refer.
+        Fluid that leaks. A fluid with the attribute `reference_pressure` is a gas, whose volumes refer to this
+        pressure.
     length : float
         Length of the seal [m].
     throughput_temperature : float, optional
         Temperature to which the throughput (pressure × volume per time) of a gas refers [K]; by default the temperature
         of the gas.
     **valve : float
-        Further quantities on which some units and classes depend. They are the parameters `drop_volume`,
-        `bubble_volume`, `pressure_drop` and `capacity` of `LeakBasis`.
+        Quantities that only some units and leakage classes need: the parameters `drop_volume`, `bubble_volume`,
+        `pressure_drop` and `capacity` of `LeakBasis`.
     """
     pressure = getattr(fluid, "reference_pressure", None)
     temperature = molar_mass = None

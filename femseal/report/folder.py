@@ -1,4 +1,4 @@
-"""Write the results folder of a run. If the run is interrupted, earlier results in the folder remain intact."""
+"""Write the results folder of a run. If the writing is interrupted, earlier results in the folder remain intact."""
 
 import json
 import os
@@ -30,8 +30,8 @@ from ..topography import Surface
 from .page import REPORT_NAME, write_report
 from .pictures import FILES, draw_formats
 
-#: File that lists the files of a run, one name per line. The next run removes listed files that it does not write
-#: again.
+#: File that lists the files of a run, one name per line. The next run in the same folder replaces or removes all files
+#: in this list.
 MANIFEST = "files.txt"
 #: Largest size of a manifest that is read [byte].
 _LARGEST_MANIFEST = 1e7
@@ -56,8 +56,8 @@ def write_folder(
 ) -> list[Path]:
     """Write all files of a run: results, tables, report, pictures, fields over all pixels, and files for ParaView.
 
-    The files are first written to the subfolder `.unfinished`. When all of them are complete, they replace the files of
-    an earlier run, `results.nc` last. Files that femseal did not write are not changed.
+    The files are first written to the subfolder `.unfinished`. When all files are complete, they replace the files of
+    an earlier run. The file `results.nc` is replaced last. Files that femseal did not write are not changed.
 
     Parameters
     ----------
@@ -68,8 +68,7 @@ def write_folder(
     surface : Topography or Patches, optional
         Combined heights of the faces, for `surface.png` and the files for ParaView.
     pictures, report, fields : bool
-        Whether to write the pictures, the report, and the fields over all pixels. If neither pictures nor a report are
-        written, nothing is drawn.
+        Whether to write the pictures, the report, and the fields over all pixels.
     picture_formats : sequence of {"png", "svg", "pdf"}
         Formats of the picture files. The pictures on the page of the report are always PNG.
     paraview : {"vtu", "none"}
@@ -78,8 +77,8 @@ def write_folder(
         Largest size of the fields over all pixels before compression [byte]. If the fields are larger, some load steps
         are left out; the attribute "left_out" of the dataset lists them.
     mapper : callable
-        Function that applies a stage to its arguments, like the builtin `map`. It can write independent files in
-        several processes.
+        Function that applies a stage to its arguments, like the builtin `map`. A mapper that uses several processes
+        writes several files at the same time.
 
     Returns
     -------
@@ -91,13 +90,13 @@ def write_folder(
     InputError
         The folder cannot be created.
     FemsealError
-        A file could not be written. The results are then in `.unfinished/results.nc`.
+        A file could not be written. The computed results are in `.unfinished/results.nc`.
     """
     steps, left_out = plan_fields(results, fields_limit if fields else 0.0)
     results.dataset.attrs["left_out"] = json.dumps(left_out if fields else [])
 
     def write_files(unfinished: Path) -> list[Path]:
-        """Write all files except the results to a folder, and return their paths."""
+        """Write all files except `results.nc` to a folder, and return the paths of the files."""
         written = []
         if steps.size:
             written += write_fields(results, steps, unfinished)
@@ -120,11 +119,12 @@ def write_again(
     picture_formats: Sequence[str] = ("png",),
     paraview: str = "vtu",
 ) -> list[Path]:
-    """Write the tables, the pictures and the report of results again into the folder from which they were read.
+    """Write tables, pictures and report again into the folder from which the results were read.
 
     The fields over all pixels and the files in `vtk/` cannot be written again, because the results do not contain the
-    necessary data. Such files of the earlier run are kept. They are removed if `fields` is False, or if `paraview` is
-    "none". See `write_folder` for the other parameters, the returned paths and the errors.
+    necessary data. The fields of the earlier run remain in the folder, or are removed if `fields` is False. The files
+    in `vtk/` remain in the folder, or are removed if `paraview` is "none". See `write_folder` for the other parameters,
+    the returned paths and the errors.
     """
     target = Path(results.folder or "")
     # Fields and files for ParaView are in a folder of this name, or in a .pvd file of this name beside the folder.
@@ -148,20 +148,21 @@ def _replace_files(
     write_files: Callable[[Path], list[Path]],
     kept_files: Sequence[Path] | None = None,
 ) -> list[Path]:
-    """Write the files of a run. When all of them are complete, they replace the files of an earlier run.
+    """Write the files of a run. When all files are complete, they replace the files of an earlier run.
 
     Parameters
     ----------
     results : Results
-        Results that are saved first.
+        Results, which are saved before the other files are written.
     target : Path
         Folder of the run.
     write_files : callable
-        Function that takes a folder, writes all other files to it, and returns their paths.
+        Function that takes a folder, writes all files except `results.nc` to this folder, and returns the paths of the
+        files.
     kept_files : sequence of Path, optional
-        Files of the earlier run that remain in the folder, relative to `target`. If this list is given, `results` are
-        the results of the earlier run. There is then no other copy of its `results.nc`, which is therefore kept until
-        the new file replaces it.
+        Files of the earlier run that remain in the folder, relative to `target`. If `kept_files` is given, `results`
+        were read from this folder, and its file `results.nc` may be their only copy. The file is therefore not removed
+        before the new file replaces it.
 
     Returns
     -------
@@ -203,7 +204,10 @@ def _replace_files(
 
 
 def _move_file(name: Path, source: Path, target: Path) -> None:
-    """Move a file from one folder to another. Raise an error if a link in the path leads out of the target folder."""
+    """Move a file from one folder to another.
+
+    Raises FemsealError if a link in the path of the moved file leads out of the target folder.
+    """
     if not is_inside(target, name):
         parent = target / name.parent
         raise FemsealError(
@@ -221,7 +225,7 @@ def _write_manifest(folder: Path, names: Iterable[Path]) -> None:
 def _write_tables_and_pictures(
     results: Results, surface: Surface | None, formats: Sequence[str], report: bool, folder: Path
 ) -> list[Path]:
-    """Write the tables, the pictures in these formats and, if requested, the report. Return the paths of all files."""
+    """Write tables, pictures in the given formats and, if requested, the report; return the paths of the files."""
     written = [
         write_text(folder / "table.csv", comma_separated(rows(results))),
         write_workbook(results, folder / "table.xlsx"),
@@ -245,7 +249,7 @@ def _write_tables_and_pictures(
 
 
 def _files_of_earlier_run(folder: Path) -> list[Path]:
-    """Return the files of an earlier run that its manifest lists. Paths that lead out of the folder are left out."""
+    """Return the files in the manifest of an earlier run. Paths that lead out of the folder are left out."""
     try:
         text = read_plain(folder / MANIFEST, _LARGEST_MANIFEST).decode()
     except (OSError, UnicodeDecodeError):
@@ -259,7 +263,7 @@ def _files_of_earlier_run(folder: Path) -> list[Path]:
 def _remove_files(folder: Path, names: Iterable[Path]) -> None:
     """Remove files of an earlier run, and folders that become empty.
 
-    A file is not removed if a link leads from its path to a place outside the folder.
+    A file is not removed if a link in its path leads out of the folder.
     """
     parents: set[Path] = set()
     for name in names:

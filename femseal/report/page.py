@@ -1,6 +1,6 @@
 """Write the report of a run: one self-contained HTML page for screens, phones and paper.
 
-The page has no scripts and loads nothing. A browser prints it, also to a PDF.
+The page contains no scripts and loads no other files. It can be printed from a browser, also to a PDF file.
 """
 
 from __future__ import annotations
@@ -47,12 +47,12 @@ Drawings = Mapping[str, bytes]
 def write_report(
     results: Results | AnyPath, path: AnyPath | None = None, drawings: Drawings | None = None
 ) -> Path:
-    """Write a self-contained HTML page about a run, which needs no other files and can be printed.
+    """Write a self-contained HTML page about a run. The page needs no other files and can be printed.
 
     The page begins with the verdict: the leakage classes, the leakage, the accuracy, and the measures that would help
-    most. Warnings and the leakage against load follow, and then maps, cells, faces, tables and the error budget. The
-    page uses only the dataset and the fields over the pixels. A page that is made later from the results folder is
-    therefore identical to the page of the run.
+    most. The next sections are warnings, the leakage against load, maps, cells, faces, tables and the error budget. The
+    page is made from the dataset and the fields over the pixels alone. A page that is made later from the results
+    folder is therefore identical to the page of the run.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def write_report(
 
 
 def report_html(results: Results, drawings: Drawings | None = None) -> str:
-    """Return the text of the page.
+    """Return the HTML text of the report page.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def report_html(results: Results, drawings: Drawings | None = None) -> str:
 
 @cache
 def page_template() -> Template:
-    """Compile the template of the page."""
+    """Compile the Jinja template of the report page."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     environment = Environment(
@@ -167,10 +167,11 @@ def page_template() -> Template:
 
 
 def _cells_of_half_drop(data: xarray.Dataset, step: int) -> int:
-    """Return the smallest number of cells that together cause half of the pressure drop; 0 if it is unknown.
+    """Return the smallest number of cells that together account for half of the pressure drop over the seal.
 
-    The pressure drop of each cell is a fraction of the total drop. The fractions are added from the largest on, until
-    their sum is 1/2.
+    The dataset contains the pressure drop of each cell as a fraction of the pressure drop over the seal. The largest
+    fractions are added up, in decreasing order, until their sum reaches 1/2. The result is 0 if the fractions are
+    unknown.
     """
     if "cell_drop_fraction" not in data:
         return 0
@@ -182,7 +183,7 @@ def _cells_of_half_drop(data: xarray.Dataset, step: int) -> int:
 
 
 def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
-    """Convert nested tables and lists to a flat list of pairs: a dotted key, and its value as text.
+    """Convert nested tables and lists to a flat list of pairs. Each pair is a dotted key and its value as text.
 
     >>> flatten({"load": {"loading": [1e6, 2e6]}, "face": [{"kind": "file"}]})
     [('load.loading', '1e+06, 2e+06'), ('face.0.kind', 'file')]
@@ -200,5 +201,5 @@ def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
 
 
 def _plain_text(value: Any) -> str:
-    """Convert a value to text; numbers are written in short form."""
+    """Convert a value to text. A float is written with at most six significant digits."""
     return f"{value:g}" if isinstance(value, float) else str(value)

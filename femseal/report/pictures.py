@@ -1,4 +1,4 @@
-"""Draw the pictures of a run for its folder and its page, and write them to files."""
+"""Draw the pictures of a run for its results folder and its report page, and write the pictures to files."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from ..topography import Surface
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Names of the pictures that are also written as files. All other pictures are only on the page.
+#: Names of the pictures that are also written as files. All other pictures appear only on the report page.
 FILES = ("surface", "seal", "seat", "patch", "drawn", "cells", "leakage")
 
 
@@ -48,7 +48,7 @@ def draw_all(results: Results, surface: Surface | None = None) -> dict[str, byte
 def draw_formats(
     results: Results, surface: Surface | None, formats: Sequence[str]
 ) -> dict[str, dict[str, bytes]]:
-    """Draw every picture for which the results have data, once, and render it in several formats.
+    """Draw every picture for which the results have data, and render each picture in several formats.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def draw_formats(
     Returns
     -------
     dict of dict of bytes
-        Contents of the files, by the names of the pictures and by their formats.
+        Contents of the picture files: for each name of a picture, a mapping from the format to the content of the file.
     """
     return _rendered(_figures(results, surface), formats)
 
@@ -90,13 +90,13 @@ def write_pictures(
     results : Results
         Results of a run.
     folder : path, optional
-        Folder of the files, which is made if needed; by default that of the results.
+        Folder of the picture files, which is created if it does not exist; by default the folder of the results.
     formats : sequence of {"png", "svg", "pdf"}
         Formats of the pictures.
     names : sequence of str
-        Names of the pictures; by default all for which the results have data.
+        Names of the pictures; by default all pictures for which the results have data.
     step : int, optional
-        Index of the load step of the maps; by default the highest load that leaks.
+        Index of the load step that the maps show; by default the step with the highest load at which the seal leaks.
 
     Returns
     -------
@@ -106,13 +106,13 @@ def write_pictures(
     Raises
     ------
     InputError
-        A format, a name or a step is unknown, the results have no data for a picture, the folder cannot be made, or
-        results without a folder were given none.
+        A format, a name or a step is unknown; the results have no data for a picture; the folder cannot be created; or
+        `folder` is missing for results without a folder.
     """
     target = folder or results.folder
     if target is None:
         raise InputError(
-            "folder", "no folder, and the results have none of their own", "a folder to write to"
+            "folder", "no folder, and the results have no folder either", "a folder to write to"
         )
     check_formats(formats)
     surface = None if results.scene is None else results.scene.surface
@@ -134,7 +134,7 @@ def write_pictures(
 
 
 def check_formats(formats: Sequence[str]) -> None:
-    """Raise an InputError if a format of pictures is unknown, or if none is given."""
+    """Raise an InputError if a format of pictures is unknown, or if no format is given."""
     unknown = [form for form in formats if form not in PICTURE_FORMATS]
     if unknown or not formats or isinstance(formats, str):
         given = f"'{formats if isinstance(formats, str) else ','.join(formats)}'"
@@ -144,9 +144,11 @@ def check_formats(formats: Sequence[str]) -> None:
 def _figures(
     results: Results, surface: Surface | None, step: int | None = None
 ) -> dict[str, Callable[[], Figure]]:
-    """Return a function for each picture for which the results have data, by the name of the picture.
+    """Return the functions that draw the pictures of a run, by the names of the pictures.
 
-    step : index of the load step of the maps; None for the highest load that leaks.
+    Pictures for which the results have no data are left out.
+
+    step : index of the load step that the maps show; None for the step with the highest load at which the seal leaks.
     """
     data = results.dataset
     step = default_step(data) if step is None else step
@@ -177,14 +179,17 @@ def _figures(
 
 
 def _finished_attempts(attempts: dict[str, Any]) -> dict[int, dict[str, Any]]:
-    """Return those attempts to reach the accuracy whose error is known, by their numbers (from 1)."""
+    """Return the attempts to reach the requested accuracy, by their numbers from 1.
+
+    Attempts without an estimate of the error are left out.
+    """
     numbered = enumerate(attempts["attempts"], start=1)
     return {number: attempt for number, attempt in numbered if attempt["half_width"] is not None}
 
 
 @styled
 def _attempts_figure(attempts: dict[str, Any]) -> Figure:
-    """Draw the error of each attempt to reach the accuracy against its computing time."""
+    """Draw the error of each attempt to reach the requested accuracy against the computing time of the attempt."""
     sheet = Sheet([2.4])
     axes = sheet.panel(0, LINES)
     axes.set(xlabel="time of the attempt [s]", ylabel="error [%]", yscale="log")

@@ -1,7 +1,7 @@
 """Make the tables of the report: key numbers, leakage classes, test fluid and error budget.
 
-The section about the pressures that the seal needs is read from files that `femseal design` has written to the results
-folder.
+The report also has a section about the nominal pressures that are required to meet the leakage classes. The content of
+this section is read from files that `femseal design` has written to the results folder.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from ..results.verdict_text import verdict_table
 
 #: Files of `femseal design` in the folder of a run.
 DESIGN_FILE, DESIGN_PICTURE = "design.json", "design.png"
-#: Largest size of these files that is read [byte].
+#: Largest size [byte] of a file of `femseal design` that is read.
 _LARGEST_DESIGN_FILE = 1e7
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 class KeyNumber(NamedTuple):
-    """Hold a number at the top of the report: label, value with its unit, and 95 % interval ("" if there is none)."""
+    """Hold a number at the top of the report: label, value with its unit, and 95 % interval ("" if it is unknown)."""
 
     label: str
     value: str
@@ -40,8 +40,8 @@ class KeyNumber(NamedTuple):
 def key_numbers(results: Results) -> list[KeyNumber]:
     """List the leakage of the whole seal at the assembly load, the first load and the last load.
 
-    If the case has a test fluid, its leakage is listed instead of that of the service fluid. All numbers have the same
-    unit.
+    If the case has a test fluid, the leakage of the test fluid is listed instead of the leakage of the service fluid.
+    All leakages are given in the same unit.
     """
     curve = LeakageCurve.of_results(results)
     leakage = results.class_leakage[0]
@@ -72,8 +72,10 @@ def key_numbers(results: Results) -> list[KeyNumber]:
 def _whole_seal_unit(results: Results, values: Array) -> LeakUnit:
     """Choose a unit for the leakage of the whole seal.
 
-    If the case asks for a unit that applies to the whole seal, it is this unit. Otherwise it is a unit in which the
-    leakages `values`, which are per length of seal [m²/s], are readable.
+    If the case states a unit for the leakage of a whole seal, the function returns this unit. Otherwise, it returns a
+    unit in which the leakages of the whole seal are numbers of a readable size.
+
+    values : leakages per length of seal [m²/s], (any number,).
     """
     basis = results.class_basis
     unit = results.asked_unit
@@ -96,15 +98,15 @@ def test_fluid(results: Results) -> dict[str, Any] | None:
     Returns
     -------
     dict or None
-        None if the case has no test fluid. Otherwise a dictionary with the entries
+        None if the case has no test fluid; otherwise the following entries:
 
         - name: name of the test fluid
         - load: name of the assembly load
-        - leakage: leakage of the test fluid at this load, as text
-        - gases: whether both fluids are gases
-        - ratio: leakage in service divided by leakage in the test. It is the median over all loads at which the seal
-          leaks with both fluids, and 0 if there is no such load. For two gases, the leakages are throughputs
-          (pressure × volume). Otherwise they are volumes.
+        - leakage: leakage of the test fluid at the assembly load, as text
+        - gases: whether the test fluid and the service fluid are both gases
+        - ratio: leakage in service divided by leakage in the test. The ratio is the median over all loads at which the
+          seal leaks with both fluids, or 0 if the seal does not leak with both fluids at any load. If both fluids are
+          gases, the ratio is computed from throughputs (pressure × volume per time), otherwise from volume flow rates.
     """
     data = results.dataset
     if "test_leakage" not in data:
@@ -135,12 +137,12 @@ def png_uri(picture: bytes) -> str:
 
 
 def design_section(results: Results) -> dict[str, Any] | None:
-    """Read the answer that `femseal design` has written for the same case to the results folder.
+    """Read the results of `femseal design` for the same case from the results folder.
 
     Returns
     -------
     dict or None
-        Entries "sentences", "tables" and "picture"; None if the folder has no readable answer for this case.
+        Entries "sentences", "tables" and "picture"; None if the folder contains no readable results for this case.
     """
     if results.folder is None:
         return None
@@ -159,14 +161,13 @@ def design_section(results: Results) -> dict[str, Any] | None:
 
 
 def important_steps(results: Results) -> list[int]:
-    """List the load steps that the table of the error budget shows.
+    """List the indices of the load steps that the table of the error budget shows, without repetition.
 
-    These are, without repetition:
-
-    - the first step with a known leakage,
-    - the highest load on loading at which the leakage is more than a thousandth of the leakage at this first step,
-    - the highest load,
-    - the last step.
+    - The first load step with a known leakage.
+    - Among the steps of loading whose leakage is more than a thousandth of this first leakage, the step with the
+      highest load.
+    - The load step with the highest load.
+    - The last load step.
     """
     leakage = np.abs(results.leakage.values)
     is_large_enough = (leakage > least_counted(leakage)) & results.steps.on_loading
@@ -205,7 +206,7 @@ def budget_table(results: Results) -> TextTable | None:
     lines = [_BudgetLine(part.name, half_widths[part.name], part.note) for part in budget.parts]
 
     def largest_half_width(line: _BudgetLine) -> float:
-        """Return the largest half-width over the steps of the table. An unknown half-width counts as infinite."""
+        """Return the largest half-width of a source over the load steps of the table; unknown counts as infinite."""
         return float(np.nan_to_num(line.half_widths[steps], nan=np.inf).max())
 
     lines.sort(key=largest_half_width, reverse=True)
@@ -231,7 +232,7 @@ def budget_table(results: Results) -> TextTable | None:
 def _half_width_text(half_width: float) -> str:
     """Convert the half-width of an interval of ln(leakage) to text.
 
-    An infinite half-width means that the seal may be open or sealed within this error.
+    An infinite half-width means that the interval ranges from a sealed to an open seal.
     """
     if np.isnan(half_width):
         return "unknown"

@@ -1,15 +1,16 @@
 """Solve contact and flow together if the fluid pressure acts on the surfaces.
 
-The traction between the surfaces is t = p + p_f, the sum of contact pressure p >= 0 and fluid pressure p_f. The contact
-problem under a given p_f yields the gap. It is solved for the initial gap h₁ + K p_f and the load p̄ − mean(p_f), where
-p̄ is the nominal pressure (see `contact.solve_contact`). The flow problem in this gap yields p_f. The two problems are
-solved in turn until the permeability no longer changes. If no contact pressure can balance p̄, the surfaces separate.
+The traction between the surfaces is t = p + p_f, the sum of contact pressure p >= 0 and fluid pressure p_f. Let p̄ be
+the nominal pressure. For a given p_f, the contact problem is solved with the undeformed gap h₁ + K p_f and the load
+p̄ − mean(p_f); the solution contains the gap (see `contact.solve_contact`). For a given gap, the flow problem gives p_f.
+Contact and flow are solved in turn until the permeability no longer changes. If no contact pressure can balance p̄, the
+surfaces separate.
 
 p_f is measured relative to the pressure of the surroundings, which acts on the outside of the bodies. In contact areas,
-and in pockets without flow, p_f is interpolated by Laplace's equation Δp_f = 0 from the pressures around them.
+and in pockets without flow, p_f is interpolated by Laplace's equation Δp_f = 0 from the pressures around these areas.
 
 If the surface consists of several measured patches, the contact of each patch is solved separately, and the flow
-through all of them together.
+through all patches is solved together.
 
 Source: Shvarts & Yastrebov, J. Mech. Phys. Solids 119, 2018, 140.
 """
@@ -32,11 +33,12 @@ from ..topography import Patches
 from .trapped_liquid import TrappedLiquid, liquid_in_pockets
 
 #: The iteration of contact and flow stops at this relative change of the permeability, or after this number of rounds.
-#: Measured on self-affine and turned surfaces of 256² points with p̄/H from 0.02 to 0.2: two to five rounds for p_in/p̄
-#: up to 0.3, and at most six up to 1. Pockets whose liquid lifts their rims take up to 25 rounds.
+#: On self-affine and turned surfaces of 256² points with p̄/H from 0.02 to 0.2, the iteration took two to five rounds
+#: for p_in/p̄ up to 0.3, and at most six rounds for p_in/p̄ up to 1. With trapped liquid that lifts the rims of its
+#: pockets, it took up to 25 rounds.
 RTOL, MOST_ROUNDS = 1e-3, 60
-#: The fluid pressure is ignored if its mean is below this fraction of the nominal pressure. It then changes the leakage
-#: by less than 0.5 %.
+#: The fluid pressure is ignored if its mean is below this fraction of the nominal pressure, because such a pressure
+#: changes the leakage by less than 0.5 %.
 LEAST_FRACTION = 1e-4
 #: Number of points at which a pressure profile is averaged.
 _POINTS = 201
@@ -49,13 +51,13 @@ _LEAST_CONTACT_SHARE = 0.01
 _FIRST_LOADS = np.array([1e-4, 1e-2, 1e-1])
 #: Factor between successive contact loads in the search for an upper bracket.
 _LOAD_FACTOR = 3.0
-#: Relative error of the contact load in this search.
+#: Relative error of the contact load in the search for the nominal pressure.
 _LOAD_RTOL = 1e-4
-#: Factor by which the tolerance of the iteration is multiplied within this search.
+#: Factor by which the tolerance of the iteration is multiplied during the search for the nominal pressure.
 _SEARCH_TOLERANCE = 0.1
 #: Number of rounds without flow after which a surface with trapped liquid counts as closed.
 _CLOSED_ROUNDS = 4
-#: Number of rounds after which the pressure of trapped liquid may only fall, so that the iteration ends.
+#: Number of rounds after which the pressure of trapped liquid may only decrease, so that the iteration ends.
 _RELEASE_ROUNDS = 25
 #: Largest pressure of trapped liquid, as a fraction of the hardness. Excess liquid escapes, because the metal around a
 #: pocket yields if the pressure of the liquid reaches the hardness.
@@ -69,12 +71,13 @@ class CoupledContact(Contact):
     Attributes
     ----------
     flow : FaceFlow or Failed
-        Flow through the gap. It is `Failed`, with a reason, in two cases. If the surfaces separate, the contact is at
-        first touch. If the iteration did not converge, contact and gap belong to the last round.
+        Flow through the gap. A `Failed` object, which states a reason, replaces the flow in two cases. In the first
+        case the surfaces separate, and the contact is given for surfaces that just touch. In the second case the
+        iteration did not converge, and the contact is given for the last round of the iteration.
     carried : float
         Mean pressure that the fluid carries [Pa].
     rounds : int
-        Number of solutions of contact and flow.
+        Number of times that contact and flow were solved.
     trapped : TrappedLiquid or None
         Liquid that keeps its volume in closed pockets; None if trapped liquid is not considered.
     """
@@ -115,31 +118,38 @@ class FluidPressure:
 
     @property
     def _ambient(self) -> float:
-        """Pressure of the surroundings [Pa], absolute for a gas like the pressure of the fluid."""
+        """Pressure of the surroundings [Pa]; an absolute pressure if the fluid is a gas."""
         if self.surroundings is None:
             return float(getattr(self.fluid, "outlet_pressure", 0.0))
         return self.surroundings
 
     def above_surroundings(self, fraction: Any) -> Array:
-        """Convert a potential, 1 at the inlet and 0 at the outlet, to a pressure above the surroundings [Pa]."""
+        """Convert a pressure potential, scaled to 1 at the inlet and 0 at the outlet, to a fluid pressure [Pa].
+
+        The fluid pressure is relative to the pressure of the surroundings.
+        """
         pressure = pressure_between(self.fluid, self.inlet, self.outlet, fraction)
         return np.asarray(pressure) - self._ambient
 
     @property
     def carried(self) -> float:
-        """Mean fluid pressure relative to the surroundings [Pa] between separated surfaces (linear potential)."""
+        """Mean fluid pressure between separated surfaces [Pa], relative to the surroundings.
+
+        The gap between separated surfaces is assumed to be uniform, so that the pressure potential is linear.
+        """
         return float(self.above_surroundings((np.arange(_POINTS) + 0.5) / _POINTS).mean())
 
     @property
     def mean(self) -> float:
-        """Mean fluid pressure for a linear potential [Pa]."""
+        """Mean fluid pressure for a pressure potential that falls linearly from inlet to outlet [Pa]."""
         return self.carried + self._ambient
 
     def relief(self, pressure: Any) -> Array:
         """Compute by how much the fluid pressure reduces the contact pressure of a cell [Pa].
 
-        In a cell, dry surfaces are pressed together by the effective pressure p̄ − p_f (Terzaghi's effective stress).
-        The coupled solution tends to this limit if the seal is broad compared with the long waves of the surface.
+        The contact of a cell is solved for dry surfaces under the effective pressure p̄ − p_f (Terzaghi's effective
+        stress). The coupled solution of contact and flow tends to this simplified solution if the seal is wide compared
+        with the long waves of the surface.
 
         Parameters
         ----------
@@ -150,12 +160,12 @@ class FluidPressure:
         return np.asarray(pressure, dtype=float) - self._ambient - carried_beside_contact
 
     def separates(self, pressure: float) -> bool:
-        """Return whether the fluid between separated surfaces carries the whole nominal pressure [Pa]."""
+        """Return whether the fluid between separated surfaces would carry the whole nominal pressure [Pa]."""
         return self.nominal == "total" and self.carried >= pressure
 
     @staticmethod
     def separation_text(carried: float) -> str:
-        """Return a text that explains that the surfaces separate, because the fluid carries this mean pressure [Pa]."""
+        """Return a text that explains why the surfaces separate: the fluid carries the mean pressure `carried` [Pa]."""
         limit = to_text(carried, "Pa", 3)
         return f"open: the surfaces separate below {limit}, all of which the fluid carries"
 
@@ -176,9 +186,9 @@ class FluidPressure:
         Parameters
         ----------
         gap0 : array, (n1, n2)
-            Gap of first touch [m].
+            Undeformed gap h₁ [m]: gap between the undeformed surfaces when they first touch.
         half_space : HalfSpace
-            Elastic body.
+            Elastic body and grid.
         pressure : float
             Nominal pressure [Pa].
         remembered : TrappedLiquid or None
@@ -232,9 +242,10 @@ class FluidPressure:
         previous_liquid: TrappedLiquid | None,
         highest_trapped: float,
     ) -> Array:
-        """Choose the fluid pressure (n1, n2) [Pa] of the first round: the pressure of a linear potential.
+        """Choose the fluid pressure (n1, n2) [Pa] of the first round of the iteration.
 
-        If this pressure would carry nearly the whole load, it is reduced, so that the contact carries a part of it.
+        The pressure is chosen for a pressure potential that falls linearly from inlet to outlet. If the fluid would
+        then carry nearly the whole load, its pressure is reduced, so that the contact carries a part of the load.
 
         Parameters
         ----------
@@ -259,9 +270,10 @@ class FluidPressure:
         return applied
 
     def _left_to_contact(self, pressure: float, applied: Array) -> float:
-        """Compute the part of the nominal pressure that is left to the contact [Pa].
+        """Compute the contact load [Pa] that remains under the applied fluid pressure (n1, n2) [Pa].
 
-        If the contact alone carries the nominal pressure, the fluid cannot reduce this part, and the result is inf.
+        The contact load is the nominal pressure minus the mean fluid pressure. If the nominal pressure is defined as
+        the load of the contact alone, the fluid cannot reduce the contact load, and the result is infinity.
         """
         if self.nominal == "contact":
             return np.inf
@@ -294,12 +306,12 @@ class FluidPressure:
         highest_pressure: float,
         only_falls: bool,
     ) -> _Round:
-        """Add the pressure of trapped liquid, in pockets without flow, to the result of a round.
+        """Add the pressure of trapped liquid, in pockets without flow, to the result of a round of the iteration.
 
         Parameters
         ----------
         solved, previous : _Round
-            Results of this round and of the previous round; `previous` is None in the first round.
+            Results of the present round and of the previous round; `previous` is None in the first round.
         previous_liquid : TrappedLiquid or None
             Trapped liquid at the previous load.
         pressure : float
@@ -307,7 +319,7 @@ class FluidPressure:
         highest_pressure : float
             Largest pressure of trapped liquid [Pa].
         only_falls : bool
-            Whether the pressure of trapped liquid may only fall, so that the iteration ends.
+            Whether the pressure of trapped liquid may only decrease. The iteration ends sooner if it may only decrease.
         """
         assert isinstance(solved.flow, FaceFlow)
         is_open = solved.contact.gap > 0
@@ -348,11 +360,14 @@ class FluidPressure:
     ) -> CoupledContact:
         """Solve the contact at a nominal pressure [Pa] at which the surfaces separate or nearly separate.
 
-        Instead of the nominal pressure, the contact load is prescribed, because then there is always a solution. The
-        nominal pressure is the sum of the contact load and the pressure that the fluid carries. As a function of the
-        contact load, this sum has a minimum; at lower nominal pressures, the surfaces separate. Above the minimum, each
-        nominal pressure belongs to two contact loads. The larger contact load is chosen, because this state is reached
-        from the closed state when the load is reduced or the fluid pressure is raised. Trapped liquid is ignored.
+        For a prescribed contact load, contact and flow always have a solution. The nominal pressure is the sum of the
+        contact load and the mean pressure of the fluid. Contact loads are therefore prescribed, until the resulting
+        nominal pressure is equal to the given one.
+
+        As a function of the contact load, the nominal pressure has a minimum. If the given nominal pressure is less
+        than the minimum, the surfaces separate. If it is larger, two contact loads give the same nominal pressure. The
+        larger contact load is chosen: a seal whose load is reduced, or whose fluid pressure is raised, reaches this
+        contact load first. Trapped liquid is ignored.
         """
         from scipy.optimize import brentq, minimize_scalar
 
@@ -360,7 +375,7 @@ class FluidPressure:
         with_contact_load = replace(self, nominal="contact", trapped=False)
 
         def nominal_pressure(load: float) -> float:
-            """Solve the contact under a contact load, unless this was done before; return the nominal pressure."""
+            """Solve contact and flow for a contact load, or use the stored solution; return the nominal pressure."""
             if load not in solution_by_load:
                 solution_by_load[load] = with_contact_load.contact(
                     gap0, half_space, pressure=load, tolerance_factor=_SEARCH_TOLERANCE, **settings
@@ -405,17 +420,17 @@ class FluidPressure:
         return CoupledContact(**vars(contact), flow=flow, carried=pressure, rounds=rounds)
 
     def _pressure_of_flow(self, flow: FaceFlow, applied: Array) -> Array:
-        """Compute the fluid pressure of a flow relative to the surroundings (n1, n2) [Pa], also in contact areas.
+        """Compute the fluid pressure (n1, n2) [Pa] of a flow, also in contact areas, relative to the surroundings.
 
-        If nothing flows anywhere, the applied pressure is returned.
+        If no fluid flows through the gap, the pressure `applied` is returned.
         """
         pressure = harmonic_fill(self.above_surroundings(flow.potential))
         return pressure if np.isfinite(pressure).all() else applied
 
     def linear_drop(self, shape: Shape) -> Array:
-        """Compute the fluid pressure (n1, n2) of a potential that falls linearly along x1.
+        """Compute the fluid pressure (n1, n2) [Pa] of a pressure potential that falls linearly along x1.
 
-        The pressure is relative to the surroundings [Pa].
+        The fluid pressure is relative to the pressure of the surroundings.
         """
         n1, n2 = shape
         fraction = 1 - (np.arange(n1) + 0.5) / n1
@@ -435,13 +450,13 @@ class _Round:
     flow : FaceFlow or Failed
         Flow through the gap of the contact.
     resulting : array, (n1, n2)
-        Fluid pressure that results from this flow, including the pressure of trapped liquid in pockets [Pa].
+        Fluid pressure that results from `flow`, including the pressure of trapped liquid in pockets [Pa].
     trapped : TrappedLiquid or None
-        Trapped liquid; None if it is not considered.
+        Trapped liquid; None if trapped liquid is not considered.
     closed_rounds : int
-        Number of successive rounds without flow until now, for a surface with trapped liquid.
+        Number of rounds without flow since the last round with flow, for a surface with trapped liquid.
     highest : float
-        Highest fluid pressure in all rounds with trapped liquid so far [Pa].
+        Highest fluid pressure [Pa] in any round so far, for a surface with trapped liquid.
     """
 
     applied: Array
@@ -453,7 +468,7 @@ class _Round:
     highest: float = 0.0
 
     def coupled_contact(self, rounds: int) -> CoupledContact:
-        """Return contact and flow of this round as the result of the iteration, with the number of its rounds."""
+        """Return contact and flow of this round as the result of the iteration, which took `rounds` rounds."""
         return CoupledContact(
             **vars(self.contact),
             flow=self.flow,
@@ -463,11 +478,13 @@ class _Round:
         )
 
     def change(self, previous: _Round | None, step: float, scale: float) -> float:
-        """Compute the relative change of the permeability since the previous round; infinity in the first round.
+        """Compute the relative change since the previous round, which decides when the iteration stops.
 
-        If the surface is closed, the permeability is 0, and the change of the fluid pressure relative to its highest
-        value is used instead. If trapped liquid has kept the surface closed for some rounds, this change is ignored.
-        With trapped liquid, the result is at least the relative error of the volume of the liquid.
+        The change is the relative change of the permeability, and infinite in the first round. If no fluid flows
+        through the gap in either round, the permeability is 0, and the change of the fluid pressure relative to the
+        highest fluid pressure is returned instead. If trapped liquid has kept the gap closed for several rounds, the
+        change of the fluid pressure is ignored. With trapped liquid, the returned value is at least the relative error
+        of the volume of the liquid.
 
         Parameters
         ----------
@@ -476,7 +493,7 @@ class _Round:
         step : float
             Fraction of the proposed change of fluid pressure that was applied.
         scale : float
-            Larger value of the pressures at inlet and outlet [Pa].
+            Larger absolute value of the fluid pressures at inlet and outlet [Pa].
         """
         if previous is None:
             return np.inf
@@ -502,13 +519,15 @@ class _Round:
 def _next_pressure(
     solved: _Round, previous: _Round | None, left_to_contact: float
 ) -> tuple[Array, float]:
-    """Choose the fluid pressure (n1, n2) [Pa] of the next round.
+    """Choose the fluid pressure (n1, n2) [Pa] of the next round of the iteration.
 
-    Also return the fraction of the proposed change of the fluid pressure that is applied. This fraction is below 1 if
-    the proposed fluid pressure would carry the whole load. The mean fluid pressure then increases only by one half of
-    the pressure that the contact carries now.
+    A mixture of the last two results is proposed. If the proposed fluid pressure would carry the whole load, only a
+    fraction of the change from the present to the proposed pressure is applied. The fraction is chosen so that the
+    mean fluid pressure increases by one half of the present contact load.
 
-    left_to_contact : part of the nominal pressure that the contact carries now [Pa].
+    left_to_contact : present contact load, averaged over the surface [Pa].
+
+    Returns the fluid pressure, and the fraction of the change that is applied.
     """
     proposed = _mixed_pressure(solved, previous)
     if solved.trapped is not None:
@@ -523,10 +542,12 @@ def _next_pressure(
 def _mixed_pressure(solved: _Round, previous: _Round | None) -> Array:
     """Mix the resulting fluid pressures of the last two rounds by Anderson mixing of depth one.
 
-    The residual of a round is the difference between its resulting and its applied pressure, averaged over each row.
-    The two pressures are mixed with the weights 1 − w and w, for which the mixed residual |(1 − w) r + w r'| of this
-    and the previous round is smallest. This damps oscillations, which occur near closing, where every round overshoots
-    in the opposite direction.
+    The residual of a round is the resulting minus the applied fluid pressure, averaged over each row of the grid. Let r
+    be the residual of the present round and r' the residual of the previous round. The fluid pressures of the two
+    rounds are multiplied by the weights 1 − w and w, and added. The weight w minimises |(1 − w) r + w r'|.
+
+    Mixing damps oscillations. Without mixing, the fluid pressure oscillates if the surfaces are nearly sealed: it is
+    too high in one round, and too low in the next round.
     """
     if previous is None:
         return solved.resulting
@@ -552,25 +573,25 @@ def contact_of_patches(
     deformation: Array | None = None,
     **settings: Any,
 ) -> Contact:
-    """Solve the contact of each measured patch under the same pressure, and join the results side by side.
+    """Solve the contact of each measured patch under the same nominal pressure, and join the results side by side.
 
-    If the fluid pressure acts on the patches, the flow through the gap of all patches is solved afterwards.
+    If the fluid pressure acts on the patches, the flow through all patches together is solved in the joined gap.
 
     Parameters
     ----------
     gap0, half_space, hardness, deformation, settings
-        Arguments of `solve`, with all patches side by side.
+        Arguments of `solve`; the arrays contain all patches side by side along x2.
     patches : Patches
-        The surface.
+        The surface, which consists of several measured patches.
     solve : callable
-        Solver for the contact of one patch.
+        Function that solves the contact of a single patch.
     flow : FlowSettings
         Settings for the flow through all patches.
 
     Raises
     ------
     InputError
-        The contact law is not uniform.
+        The contact law differs from point to point.
     NotConverged
         The contact solver failed.
     """

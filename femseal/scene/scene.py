@@ -1,4 +1,4 @@
-"""Describe the input of all studies: a rough surface under load, and the fluid that it seals."""
+"""Describe the input of all studies: a rough surface, its loads, and the fluid that leaks."""
 
 from __future__ import annotations
 
@@ -42,18 +42,20 @@ from .fluid_coupling import LEAST_FRACTION, FluidPressure, contact_of_patches
 
 @dataclass(frozen=True)
 class Scene:
-    """Describe a rough surface under load, and the fluid that it seals.
+    """Describe the input of all studies: a rough surface, its loads, and the fluid that leaks.
 
     Parameters
     ----------
     surface : Topography, Patches, or list of Topography
-        Heights of the combined surfaces; high points touch first. A list of maps is converted to `Patches`. The contact
-        of each patch is solved separately, and the flow through all of them together.
+        Combined heights of both faces; the highest points touch first. A list of `Topography` is converted to
+        `Patches`, which are measured patches of the same surface. The contact of each patch is solved separately, and
+        the flow through all patches is solved together.
     modulus : float or pair of bodies
-        Contact modulus E* [Pa]; or the two bodies in contact, `Solid`, `Coated` or None (rigid), see `HalfSpace`.
+        Contact modulus E* [Pa]; or the two bodies in contact, each a `Solid`, a `Coated`, or None for a rigid body, see
+        `HalfSpace`.
     hardness : float, array or ContactLaw
-        Hardness H of a perfectly plastic surface [Pa], which is infinite for an elastic surface; or a contact law such
-        as `LinearHardening`.
+        Hardness H of a perfectly plastic surface [Pa], infinite for an elastic surface; or a contact law such as
+        `LinearHardening`.
     fluid : Fluid
         The fluid that leaks.
     inlet_pressure, outlet_pressure : float
@@ -66,21 +68,21 @@ class Scene:
         Relative residual at which the contact solver stops, see `contact.solve_contact`.
     layout : Layout
         Shape of the seal in the stochastic study: `RectangularLayout`, `AnnularLayout` or `MeshLayout` of
-        `femseal.seal`. All other studies take the surface as a strip.
+        `femseal.seal`. In the other studies, the seal is a strip that consists of the surface alone.
     solver : str
         Flow solver for cells and seals, see `flow.cell_permeability`.
     fluid_pressure : "acts", "trapped" or "ignored"
-        With "acts", the fluid pressure acts on the surfaces (see `scene.fluid_coupling`). With "trapped", liquid in
-        closed pockets also keeps its volume (see `scene.trapped_liquid`). With "ignored", the contact is solved without
-        fluid pressure.
+        With "acts", the fluid pressure acts on the surfaces (see `scene.fluid_coupling`). With "trapped", the fluid
+        pressure acts on the surfaces, and liquid in closed pockets keeps its volume (see `scene.trapped_liquid`). With
+        "ignored", the contact is solved without fluid pressure.
     nominal : "total" or "contact"
-        Whether contact and fluid together carry the nominal pressure, or the contact alone. This matters only if the
-        fluid pressure acts on the surfaces.
+        With "total", contact and fluid together carry the nominal pressure. With "contact", the contact alone carries
+        the nominal pressure. The choice matters only if the fluid pressure acts on the surfaces.
     surroundings : float or None
         Pressure around the seal [Pa], by default 1 atm for a gas and 0 for a liquid.
     body_yield_stress : float or None
-        Yield stress of the weaker body below its surface and below any coating [Pa]. It is only used for warnings; by
-        default, it is assumed to be the hardness divided by 2.8.
+        Yield stress [Pa] of the weaker body below its surface and below any coating; by default, the hardness divided
+        by 2.8. The yield stress is used only for warnings.
 
     Examples
     --------
@@ -145,12 +147,12 @@ class Scene:
 
     @property
     def law(self) -> ContactLaw:
-        """Contact law: the pressure that the points of the surface can carry."""
+        """Contact law, which limits the pressure that the points of the surface can carry."""
         return contact_law(self.hardness)
 
     @property
     def surface_modulus(self) -> float:
-        """Contact modulus for waves that are much shorter than the thickness of any coating [Pa]."""
+        """Contact modulus [Pa] for waves that are much shorter than the thickness of any coating."""
         return surface_modulus(self.modulus)
 
     @property
@@ -167,7 +169,7 @@ class Scene:
 
     @property
     def half_space(self) -> HalfSpace:
-        """Elastic body of the whole surface."""
+        """Elastic half-space on the grid of the whole surface."""
         return HalfSpace(self.surface.shape, self.surface.spacing, self.modulus, self.boundary)
 
     @property
@@ -181,12 +183,18 @@ class Scene:
         return self.fluid_pressure == "trapped"
 
     def dry(self, **changes: Any) -> Self:
-        """Return a copy of the scene in which the fluid pressure does not act on the surfaces, with further changes."""
+        """Return a copy of the scene in which the fluid pressure does not act on the surfaces.
+
+        changes : further parameters of `Scene` that are replaced in the copy.
+        """
         return replace(self, fluid_pressure="ignored", **changes)
 
     @property
     def acting_fluid(self) -> FluidPressure | None:
-        """Fluid pressure that acts on the surfaces; None if it does not act or is too small to change the leakage."""
+        """Fluid pressure that acts on the surfaces.
+
+        The value is None if the fluid pressure does not act on the surfaces, or is too small to change the leakage.
+        """
         # The pressure distribution in a liquid does not depend on a constant viscosity. With a viscosity of 1, stored
         # contact states can be used for liquids of all viscosities.
         acting = self.fluid
@@ -206,7 +214,7 @@ class Scene:
 
     @property
     def fluid_effect(self) -> str:
-        """Sentence that describes the effect of the fluid pressure on the contact."""
+        """Part of a sentence that describes the effect of the fluid pressure on the contact."""
         if self.is_dry:
             return "its pressure on the surfaces is ignored"
         fluid = self.acting_fluid
@@ -225,8 +233,9 @@ class Scene:
     def separated_steps(self) -> tuple[tuple[int, str], ...]:
         """Load steps at which the fluid between separated surfaces would carry the whole load.
 
-        For each step, the result contains its index and an explanation. At these steps, the tiles of a stochastic seal
-        are open. The contact of the whole surface may however keep the fluid out, see `scene.fluid_coupling`.
+        Each item contains the index of a load step and an explanation. At the load steps listed here, the tiles of a
+        stochastic seal are open. A seal computed from the contact of the whole surface may nevertheless be closed at
+        such a load, because the fluid does not enter the contact (see `scene.fluid_coupling`).
         """
         fluid = self.acting_fluid
         if fluid is None:
@@ -246,20 +255,20 @@ class Scene:
         memory: float | None = None,
         mapper: Mapper,
     ) -> Iterator[Any]:
-        """Solve the contact of the whole surface at each load step, and yield a result for each of them.
+        """Solve the contact of the whole surface at each load step, and yield a result for each load step.
 
-        The fluid pressure is included if it acts on the surfaces. See `contact.load_states`.
+        If the fluid pressure acts on the surfaces, contact and flow are solved together. See `contact.load_states`.
 
         Parameters
         ----------
         take : callable
-            Function that computes the result of a step from its `LoadState`.
+            Function that computes the result of a load step from its `LoadState`.
         steps : LoadProgramme, optional
             Load programme, by default the load programme of the scene.
         memory : float, optional
-            Memory that a step needs [byte]; by default, it is estimated.
+            Memory [byte] that the solution of a load step needs; by default, an estimate.
         mapper : Mapper
-            Execution of the items, serial or in parallel.
+            Function like `map`, which solves several load steps one after another or in parallel.
         """
         gap0 = self.surface.heights.max() - self.surface.heights
         fluid = self.acting_fluid
@@ -286,7 +295,7 @@ class Scene:
         return FlowSettings(self.solver, drop, getattr(self.layout, "spiral", None))
 
     def check_spiral(self) -> None:
-        """Raise InputError if the grid of the surface cannot represent the lead of a spiral."""
+        """Raise InputError if the lead of a spiral lay does not fit the grid of the surface."""
         spiral = self.flow.spiral
         if spiral is not None:
             spiral.seam(self.surface.shape, self.surface.spacing)
@@ -294,7 +303,7 @@ class Scene:
     def entry_pressures(self, gaps: Iterable[Floats]) -> Array | None:
         """Compute the capillary entry pressure of the critical constriction at each load step.
 
-        A liquid that does not wet the surfaces leaks only above this pressure.
+        A liquid that does not wet the surfaces leaks only if its pressure exceeds the entry pressure.
 
         Parameters
         ----------
@@ -304,7 +313,7 @@ class Scene:
         Returns
         -------
         array, (steps,), or None
-            Entry pressure [Pa], infinite if the gap is closed. None for a fluid that wets the surfaces.
+            Capillary entry pressure [Pa], infinite if the gap is closed; None if the fluid wets the surfaces.
         """
         if np.isnan(capillary_entry_pressure(self.fluid, 1.0)):
             return None
@@ -330,7 +339,7 @@ class Scene:
 
     @property
     def unit_leakage(self) -> float:
-        """Leakage per unit seal length for a permeability of 1 m³, if the seal is as broad as the surface [1/(m s)]."""
+        """Leakage per unit seal length for a permeability of 1 m³ [1/(m s)]; the seal is as wide as the surface."""
         return FluidState.of(self).drop / self.surface.size[0]
 
     def pressure_at(self, potential: Floats) -> Array:
@@ -340,7 +349,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class FluidState:
-    """Describe a fluid and its pressures at inlet and outlet [Pa], which are absolute for a gas."""
+    """Describe a fluid and its pressures at inlet and outlet [Pa]. The pressures of a gas are absolute."""
 
     fluid: Fluid
     inlet_pressure: float
@@ -348,11 +357,11 @@ class FluidState:
 
     @classmethod
     def of(cls, scene: Scene) -> Self:
-        """Return the fluid of a scene and its pressures."""
+        """Return the fluid of a `Scene`, and the fluid pressures at inlet and outlet."""
         return cls(scene.fluid, scene.inlet_pressure, scene.outlet_pressure)
 
     def in_scene(self, scene: Scene) -> Scene:
-        """Return a copy of a scene with this fluid and these pressures."""
+        """Return a copy of a `Scene` with the fluid and the inlet and outlet pressures of this object."""
         return replace(
             scene,
             fluid=self.fluid,
@@ -372,9 +381,9 @@ class FluidState:
 
     @property
     def drop(self) -> float:
-        """Drop of the pressure potential, divided by the reference density [1/s].
+        """Drop of the pressure potential from inlet to outlet, divided by the reference density of the fluid [1/s].
 
-        The volume rate through a seal is this drop times the conductance of the seal [m³].
+        The volume flow rate through a seal is `drop` times the conductance of the seal [m³].
         """
         inlet, outlet = (
             float(self.fluid.potential(p)) for p in (self.inlet_pressure, self.outlet_pressure)

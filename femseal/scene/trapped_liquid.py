@@ -1,10 +1,10 @@
 """Compute the pressure of liquid that is trapped in closed pockets and resists their compression.
 
-The amount of liquid in a pocket is the volume that the liquid has at the pressure of the surroundings. For a volume V
-at the pressure p this is V exp(p/B), with the bulk modulus B. As long as a pocket stays closed, its amount of liquid is
-constant. A pocket that closes between two loads is filled with liquid at the later load. If a pocket divides, its
-liquid is divided in proportion to the volumes. Liquid is lost from a pocket that opens to the inlet or the outlet, and
-from a pocket whose pressure lifts its rim.
+The amount of liquid in a pocket is the volume that the liquid has at the pressure of the surroundings. If the liquid
+has the volume V at the pressure p, its amount is V exp(p/B), with the bulk modulus B. As long as a pocket stays closed,
+its amount of liquid is constant. A pocket that closes between two loads is filled with liquid at the later load. If a
+pocket divides, its liquid is divided in proportion to the volumes of the new pockets. Liquid is lost from a pocket that
+opens to the inlet or the outlet, and from a pocket in which the liquid lifts the rim of the pocket.
 """
 
 from dataclasses import dataclass
@@ -31,11 +31,10 @@ class TrappedLiquid:
     load : float
         Nominal pressure [Pa].
     step : array, (pockets,)
-        Change of the pressure of each pocket for the next round of the iteration [Pa]. It is NaN for a pocket that
-        first closes at this load, because its liquid has the same pressure as the fluid around it.
+        Change of the pressure of each pocket for the next round of the iteration [Pa]. The change is NaN for a pocket
+        that first closes at this load, because the liquid in such a pocket has the pressure of the fluid around it.
     error : float
-        Relative error of the volumes. It is Σ|V − V_l|/ΣV, with the volume V of each pocket and the volume V_l of its
-        liquid.
+        Relative error of the volumes, Σ|V − V_l|/ΣV, with the volume V of each pocket and the volume V_l of its liquid.
     """
 
     pocket: NDArray[np.int32]
@@ -51,9 +50,9 @@ class TrappedLiquid:
         Parameters
         ----------
         fluid_pressure : array, (n1, n2)
-            Fluid pressure [Pa]. It is not changed outside of pockets, and not in pockets whose step is NaN.
+            Fluid pressure [Pa]. The values outside of pockets, and in pockets whose step is NaN, remain the same.
         step : array, (pockets,), or float, optional
-            Change that is added to the pressures of the pockets first [Pa], by default `self.step`.
+            Change that is added to the pressures of the pockets before they are inserted [Pa]; by default `self.step`.
 
         Returns
         -------
@@ -84,25 +83,26 @@ def liquid_in_pockets(
 ) -> TrappedLiquid:
     """Compute the amount and the pressure of the liquid in the pockets of a gap.
 
-    A pocket and its liquid must have the same volume. For each pocket, a Newton step is computed, which is the change
-    of the pressure that would make the two volumes equal. Pockets are grouped if they were one pocket at the previous
-    load, or if they have merged since then. The pockets of a group have a common pressure and a common amount of
-    liquid.
+    In equilibrium, the volume of a pocket is equal to the volume of its liquid. For each pocket, a step of Newton's
+    method gives the change of the pressure that would make these two volumes equal. Pockets that were a single pocket
+    at the previous load, or that have merged since the previous load, form a group. All pockets of a group have a
+    common pressure and a common amount of liquid.
 
     Parameters
     ----------
     previous : TrappedLiquid or None
         Trapped liquid at the previous load; None at the first load.
     half_space : HalfSpace
-        Elastic body.
+        Elastic body and grid.
     gap : array, (n1, n2)
         Gap under the fluid pressure `applied` [m].
     is_pocket : array of bool, (n1, n2)
-        Open points without a connection to the inlet or the outlet.
+        Whether each point is open and has no connection to the inlet or the outlet.
     applied : array, (n1, n2)
         Fluid pressure under which the gap was computed [Pa].
     surrounding : array, (n1, n2)
-        Fluid pressure of the flow around the pockets, interpolated at the points of the pockets [Pa].
+        Pressure of the flowing fluid around the pockets [Pa]. At the points of a pocket, the array contains pressures
+        that are interpolated from the flow around the pocket.
     bulk_modulus : float
         Bulk modulus of the liquid [Pa], infinite if it is incompressible.
     highest_pressure : float
@@ -110,12 +110,13 @@ def liquid_in_pockets(
     load : float
         Nominal pressure [Pa].
     only_falls : bool
-        If True, the pressures can only fall. Liquid that repeatedly lifts the rim of its pocket is then lost.
+        If True, the pressure of a pocket can only decrease, and liquid that would need a higher pressure is lost.
 
     Notes
     -----
-    The derivative of the volume of a pocket with respect to its pressure is approximated by the value for a circular
-    area A on a half-space, 16 A √(A/π)/(3π E*). For coated bodies, E* is taken at the wave number √(π/A).
+    For the step of Newton's method, the derivative of the volume of a pocket with respect to its pressure is needed.
+    This derivative is approximated by 16 A √(A/π)/(3π E*), the value for a uniform pressure on a circle of the area A
+    of the pocket. For coated bodies, E* is taken at the wave number √(π/A).
     """
     pocket, n = label_pockets(is_pocket)
     pixel_area = float(np.prod(half_space.spacing))
@@ -182,9 +183,10 @@ def _amount_per_area(
 ) -> Array:
     """Compute the amount of liquid per area [m] at each point of the gap (n1, n2).
 
-    It depends on the state of the point at the previous load. If the point was open and not in a pocket, it is filled
-    with liquid at the pressure around it. If the point was in a pocket, it contains a part of the liquid of this
-    pocket, in proportion to its gap. If the point was in contact, it contains no liquid.
+    The amount depends on the state of the point at the previous load. If the point was open and outside of pockets, the
+    gap of the point is filled with liquid at the pressure `surrounding`. If the point was in a pocket, the liquid of
+    this pocket is distributed over the points of the pocket in proportion to their gaps. If the point was in contact,
+    it contains no liquid.
 
     The parameters are explained in `liquid_in_pockets`; `pixel_area` is the area of a pixel [m²].
     """
@@ -206,15 +208,18 @@ def _amount_per_area(
 def _groups(
     pocket: NDArray[np.int32], n: int, previous_pocket: NDArray[np.int32], previous_n: int
 ) -> tuple[Indices, int]:
-    """Group pockets that share points with the same pocket at the previous load, so that their liquid is connected.
+    """Group pockets that share points with the same pocket of the previous load.
 
     Parameters
     ----------
-    pocket, previous_pocket : arrays of int, (n1, n2)
-        Number of the pocket at each point, now and at the previous load. The numbers begin with 1; they are 0 outside
-        of pockets.
-    n, previous_n : int
-        Number of pockets now, and at the previous load.
+    pocket : array of int, (n1, n2)
+        Number of the pocket at each point, from 1 on; 0 at points outside of pockets.
+    n : int
+        Number of pockets.
+    previous_pocket : array of int, (n1, n2)
+        Number of the pocket at each point at the previous load, from 1 on; 0 at points outside of pockets.
+    previous_n : int
+        Number of pockets at the previous load.
 
     Returns
     -------
@@ -251,7 +256,10 @@ def label_pockets(is_pocket: Flags) -> tuple[NDArray[np.int32], int]:
 
 
 def _components(a: NDArray[np.signedinteger], b: NDArray[np.signedinteger], n: int) -> Indices:
-    """Return the number of the connected component of each node, for a graph of n nodes with the edges a[i] to b[i]."""
+    """Return the number of the connected component of each node.
+
+    The graph has n nodes. Edge i connects the nodes a[i] and b[i].
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -261,6 +269,11 @@ def _components(a: NDArray[np.signedinteger], b: NDArray[np.signedinteger], n: i
 
 
 def _sums(pocket: NDArray[np.int32], n: int, values: Array) -> Array:
-    """Sum values (n1, n2) over the points of each of the n pockets; points with the number 0 are not in a pocket."""
+    """Sum values (n1, n2) over the points of each pocket.
+
+    pocket : number of the pocket at each point, from 1 to n; 0 at points outside of pockets.
+
+    Returns the sums (n,).
+    """
     sums = np.bincount(pocket.ravel(), np.asarray(values, float).ravel(), minlength=n + 1)
     return np.asarray(sums[1:], float)

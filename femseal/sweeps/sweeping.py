@@ -1,4 +1,4 @@
-"""Run a case with every combination of the values of some of its keys, and compare the runs."""
+"""Run a case with every combination of given values of some keys, and compare the runs."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ class Variation:
     values : tuple of str
         Values of the changed keys as texts.
     case : Case
-        The case with these values.
+        Case in which the keys have the changed values.
     """
 
     name: str
@@ -84,10 +84,11 @@ def sweep(
     progress: job.Progress | None = None,
     announce: Callable[[str], None] | None = None,
 ) -> RunComparison:
-    """Run a case with every combination of the values of some keys, and compare the leakages.
+    """Run a case with every combination of given values of some keys, and compare the leakages.
 
-    All cases are checked before the first one is run. A stage that is the same in several cases is computed only once.
-    For example, the contact of the surface is solved once if the cases differ only in the fluid.
+    All cases are checked before the first case is run. If a stage of the computation has the same input in several
+    cases, the stage is computed only once. For example, if the cases differ only in the fluid, the contact of the
+    surface is solved only once.
 
     Parameters
     ----------
@@ -95,11 +96,13 @@ def sweep(
         Case file.
     keys : mapping of sequences
         Values of dotted keys, such as {"material.hardness": ["3 GPa", "4 GPa"], "cells.count": [[4, 8], [8, 16]]}.
-        Quantities are texts with their unit as in the case file. "face.0.pitch" is a key of the first of two faces.
+        A quantity is given as a text with a unit, as in the case file. A number in a key counts tables of the same name
+        from 0: the key "face.0.pitch" is the pitch of the first face.
     output : path
-        Folder for `sweep.csv`, `sweep.png` and the results folders of the cases; made if needed.
+        Folder for `sweep.csv`, `sweep.png` and the results folders of the cases; created if it does not exist.
     resume : bool
-        Whether to use the results of cases that are complete, and to continue those that are not.
+        Whether to use the results of complete cases of an earlier sweep in this folder, and to continue its unfinished
+        cases.
     replace_results : bool
         Whether to replace the results of finished runs in the folders of the cases.
     workers, scheduler
@@ -107,9 +110,9 @@ def sweep(
     unit : str, optional
         Leakage unit of the comparison, see `compare`.
     formats : sequence of {"png", "svg", "pdf"}
-        Formats of all pictures; by default those of the case.
+        Formats of all pictures; by default the formats that the case file states.
     progress : callable, optional
-        Called as progress(stage, done, total). The stage "cases" counts the cases that are complete.
+        Called as progress(stage, done, total). For the stage "cases", `done` is the number of complete cases.
     announce : callable, optional
         Called with a line of text before each case is run.
 
@@ -121,10 +124,10 @@ def sweep(
     Raises
     ------
     InputError
-        A key or a value cannot be used, or a folder cannot be written. Nothing has been computed.
+        A key or a value cannot be used, or a folder cannot be written. In this case, nothing has been computed.
     FemsealError
-        Some cases failed. The results of the other cases are in their folders. With `resume` the failed cases are run
-        again.
+        At least one case failed. The results of all successful cases are in their folders. A further call with `resume`
+        runs the failed cases again.
 
     Examples
     --------
@@ -186,7 +189,10 @@ def sweep(
 def _check_before_run(
     variation: Variation, folder: Path, resume: bool, replace_results: bool
 ) -> None:
-    """Raise InputError if a case is too large for the machine, or if its folder contains results that must be kept."""
+    """Raise InputError if a case is too large for the machine, or if its folder contains results.
+
+    Earlier results are allowed if they may be replaced, or if they belong to the same case and the sweep is resumed.
+    """
     try:
         refuse_too_large(variation.case, prepare(variation.case))
     except InputError as error:
@@ -201,19 +207,19 @@ def _check_before_run(
 
 
 def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
-    """Parse texts such as "material.hardness=3GPa,4GPa".
+    """Parse texts that assign values to keys, such as "material.hardness=3GPa,4GPa".
 
-    Values are written as in TOML, but texts outside lists need no quotes: 3GPa means "3GPa".
+    Values are written as in TOML, but a text outside of a list needs no quotes: 3GPa means "3GPa".
 
     Parameters
     ----------
     arguments : sequence of str
-        One text for each key.
+        One text for each key, which contains the key and its values.
 
     Returns
     -------
     dict of lists
-        Values by key.
+        Mapping from each key to the list of its values.
 
     Raises
     ------
@@ -243,7 +249,7 @@ def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
 
 
 def _parse_values(text: str) -> list[Any]:
-    """Parse values that are separated by commas. Each of them is a TOML value, or a text without quotes."""
+    """Parse values that are separated by commas. A value may be a TOML value, or a text without quotes."""
     try:
         return list(tomllib.loads(f"values = [{text}]")["values"])
     except (tomllib.TOMLDecodeError, RecursionError):
@@ -260,12 +266,12 @@ def _parse_values(text: str) -> list[Any]:
 def variations(
     data: dict[str, Any], folder: Path, keys: Mapping[str, Sequence[Any]]
 ) -> list[Variation]:
-    """Make and check the cases for all combinations of the values. The value of the last key changes fastest.
+    """Make and check a case for each combination of the values. The value of the last key changes fastest.
 
     Parameters
     ----------
     data : dict
-        Tables of the case.
+        Content of the case file: its tables, by their names.
     folder : Path
         Folder of the case file, to which the paths in the case are relative.
     keys : mapping of sequences
@@ -278,8 +284,8 @@ def variations(
     Raises
     ------
     InputError
-        There is no key, a key has no values or the same value twice, a key does not exist, there are more than
-        `MOST_CASES` cases, or a case cannot be used. The message describes each fault in a line.
+        No key is given, a key does not exist, a key has no values or has the same value twice, there are more than
+        `MOST_CASES` combinations, or a case is not valid. The message contains a line for each fault.
     """
     _check_values(keys)
     short_keys = short_names(list(keys))
@@ -321,7 +327,7 @@ def _check_values(keys: Mapping[str, Sequence[Any]]) -> None:
 
 
 def _folder_name(pairs: list[tuple[str, str]]) -> str:
-    """Make a folder name from keys and values; characters that some file systems do not allow become hyphens."""
+    """Make a folder name from keys and values. Hyphens replace characters that some file systems do not allow."""
     name = "_".join(f"{key}={text}" for key, text in pairs).replace(" ", "")
     return re.sub(r"[^\w.=+-]+", "-", name).strip("-.")
 
@@ -340,7 +346,7 @@ def with_setting(error: InputError, setting: str) -> InputError:
 
 
 def short_names(keys: Sequence[str]) -> tuple[str, ...]:
-    """Shorten dotted keys to their last part, or to several last parts if other keys have the same last part.
+    """Shorten dotted keys to as many of their last parts as are needed to distinguish the keys.
 
     Examples
     --------
@@ -349,7 +355,7 @@ def short_names(keys: Sequence[str]) -> tuple[str, ...]:
     """
 
     def shorten(key: str) -> str:
-        """Return the shortest ending of a key that no other key has."""
+        """Return the shortest sequence of last parts with which no other key ends."""
         parts = key.split(".")
         for count in range(1, len(parts) + 1):
             ending = ".".join(parts[-count:])
@@ -382,7 +388,7 @@ def value_text(value: Any) -> str:
 
 
 def _set_key(data: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key in nested tables and lists; tables that do not exist are created."""
+    """Set the value of a dotted key in nested tables and lists. Tables that do not exist are created."""
     parts = key.split(".")
     table: Any = data
     for n, part in enumerate(parts):
