@@ -1,8 +1,8 @@
 """Cover a seal with a regular grid, on which the contact of the whole seal is solved.
 
-A ring is unrolled. The rows of the grid run around the ring and follow each other from the inlet to the outlet; each
-row is as long as the mean circumference. A mesh is covered with a rectangle of squares; squares outside of the seal are
-ignored.
+A ring is unrolled to a strip, whose length is the mean circumference of the ring. The rows of the grid run around the
+ring; the first row is at the inlet and the last row at the outlet. A mesh is covered with a rectangle of square cells;
+cells outside of the seal are ignored.
 """
 
 from __future__ import annotations
@@ -20,7 +20,8 @@ from .tiles import SealTiles
 
 #: Smallest numbers of rows and columns over a strip or a ring.
 _ROWS, _COLUMNS = 24, 64
-#: Smallest number of rows if the form does not vary along the seal. The contact is then solved on a single column.
+#: Smallest number of rows if the form deviation does not vary along the seal, so that the contact is solved on a single
+#: column.
 ROWS_OF_PROFILES = 384
 #: Largest number of grid cells.
 _MOST_CELLS = 2**15
@@ -43,8 +44,8 @@ class ContactGrid:
     tile : array of int, (n1, n2)
         Number of the tile in which each cell lies, −1 outside of the seal.
     averaging : sparse array, (tiles, n1·n2)
-        Matrix that averages values at the cells, numbered row by row, over each tile. A tile that contains no cell
-        takes the value of the nearest cell.
+        Matrix that averages values at the grid cells over each tile. The columns of the matrix belong to the cells, row
+        by row. For a tile without a cell, the matrix returns the value at the nearest cell.
     """
 
     points: Array = field(repr=False)
@@ -64,13 +65,14 @@ class ContactGrid:
         frame : Frame
             Coordinates of the seal.
         profile : bool
-            Whether the form varies only across the seal and not along it. The grid then has more rows.
+            Whether the form deviation varies only across the seal and not along the seal. For such a form deviation,
+            the grid has more rows.
         """
         if tiles.grid is None:
             return cls._over_mesh(tiles)
         rows, columns = tiles.grid
         breadth, length = tiles.seal.size
-        # the grid leaves out the repeated columns of a short strip
+        # the grid does not cover the repeated columns of a short strip
         length *= tiles.unrepeated_elements.size / tiles.tile.size
         n1, n2 = _grid_shape(rows, columns, ROWS_OF_PROFILES if profile else _ROWS)
         # centres of the rows (n1,) and of the columns (n2,), as fractions of breadth and length
@@ -114,9 +116,9 @@ class ContactGrid:
         tile: Indices,
         tiles: SealTiles,
     ) -> ContactGrid:
-        """Make the grid, and compute the matrix that averages values at the cells over the tiles.
+        """Return the grid, with the matrix that averages values at the grid cells over the tiles.
 
-        tile : number of the tile in which each cell lies (n1, n2), −1 outside of the seal.
+        tile : index of the tile in which each grid cell lies (n1, n2), −1 outside of the seal.
         """
         from scipy.sparse import csr_array
         from scipy.spatial import cKDTree
@@ -143,17 +145,17 @@ class ContactGrid:
         return np.asarray(self.tile >= 0)
 
     def means(self, values: Array) -> Array:
-        """Average values at the cells over each tile.
+        """Return the mean values over each tile, from values at the grid cells.
 
         Parameters
         ----------
         values : array, (…, n1, n2)
-            Values at the cells, or (…, n1, 1) if they do not vary along the seal.
+            Values at the grid cells; shape (…, n1, 1) for values that do not vary along the seal.
 
         Returns
         -------
         array, (…, tiles)
-            Means over the tiles.
+            Mean value over each tile.
         """
         at_all_cells = np.broadcast_to(values, (*values.shape[:-2], *self.tile.shape))
         return np.asarray(at_all_cells.reshape(*values.shape[:-2], -1) @ self.averaging.T)
@@ -162,7 +164,8 @@ class ContactGrid:
 def _grid_shape(rows: int, columns: int, fewest_rows: int) -> Shape:
     """Choose the numbers of rows and columns of the grid over a strip or a ring.
 
-    Each tile gets a whole number of rows and columns of cells, unless there are very many tiles.
+    The numbers of rows and columns of the grid are multiples of the numbers of rows and columns of tiles, unless the
+    seal has very many tiles.
 
     rows, columns : numbers of rows and columns of tiles.
     fewest_rows : smallest number of rows of the grid.
@@ -178,7 +181,7 @@ def _grid_shape(rows: int, columns: int, fewest_rows: int) -> Shape:
 def _points_of_grid(x1: Array, x2: Array, length: float, frame: Frame) -> Array:
     """Return the centres of the cells of a grid over a strip or a ring, (n1, n2, 2) [m].
 
-    x1, x2 : centres of the rows (n1,) and of the columns (n2,), as fractions of breadth and length.
+    x1, x2 : centres of the rows (n1,) and of the columns (n2,), as fractions of the width and the length of the strip.
     length : length of the strip [m].
     """
     inlet, outlet = frame.ends or (0.0, 0.0)

@@ -1,6 +1,7 @@
-"""Describe the form of a whole seal: heights from a flatness tester or a coarse instrument, or idealised waves.
+"""Describe the form deviation of a whole seal: heights from a flatness tester or another instrument, or ideal waves.
 
-A form is a frozen dataclass with the members of `SealForm`. The forms of both faces are added.
+A form is a frozen dataclass with the properties and methods of the protocol `SealForm`. If both faces have a form
+deviation, the heights of both forms are added.
 """
 
 from __future__ import annotations
@@ -26,24 +27,25 @@ from .seal_files import TEXTS, columns_of, read_columns
 #: lengths: this multiple of the typical distance between measured points, and this fraction of the longer side of the
 #: seal.
 _EXTRAPOLATION_POINTS, _EXTRAPOLATION_SEAL = 3.0, 0.2
-#: Shortest wavelength that a measured form resolves, in typical distances between its points. Measured on 20 faces with
-#: forms of 4 × 4 and 8 × 8 heights: with a limit of 2 distances, stochastic seals leak 0.80 and 0.84 times as much as
-#: the surface; with 3 distances 1.0 and 0.96 times; with 4 distances 1.03 and 1.08 times as much.
+#: Shortest wavelength that a measured form resolves, divided by the typical distance between the measured points.
+#: Measured on 20 faces with forms of 4 × 4 and 8 × 8 heights: with a limit of 2 distances, stochastic seals leak 0.80
+#: and 0.84 times as much as the surface; with 3 distances 1.0 and 0.96 times; with 4 distances 1.03 and 1.08 times as
+#: much.
 _RESOLVED_DISTANCES = 3.0
-#: Largest number of points of a form. If there are more, they are averaged over squares.
+#: Largest number of points of a form. If a form has more points, the points are averaged over squares.
 _MOST_POINTS = 4096
 
 
 class SealForm(Protocol):
-    """State the methods and attributes that a class must have to describe the form of a whole seal."""
+    """Define the properties and methods that a class needs to describe the form deviation of a whole seal."""
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wavelength of the form [m]; inf if all its waves are longer than a measured patch."""
+        """Shortest wavelength of the form [m]; inf if all wavelengths are longer than a measured patch."""
         ...
 
     def heights(self, points: Array, frame: Frame) -> Array:
-        """Return the heights of the form at points of a seal.
+        """Return the heights of the form deviation at points of a seal.
 
         Parameters
         ----------
@@ -55,7 +57,7 @@ class SealForm(Protocol):
         Returns
         -------
         array, (n,)
-            Heights towards the other face [m], up to an additive constant.
+            Heights [m], positive towards the other face, up to an additive constant.
 
         Raises
         ------
@@ -76,8 +78,8 @@ class WavyForm:
     lobes : int or None
         Number of waves around the seal.
     wavelength : float or None
-        Wavelength [m], instead of `lobes`. The wavelength is adjusted so that a whole number of waves fits around the
-        seal.
+        Wavelength [m], as an alternative to `lobes`. The wavelength is adjusted, so that a whole number of waves fits
+        around the seal.
 
     Raises
     ------
@@ -109,7 +111,7 @@ class WavyForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Infinity, because the waves are longer than a measured patch."""
+        """Infinity: the waves around the seal are assumed to be longer than a measured patch."""
         return inf
 
     def heights(self, points: Array, frame: Frame) -> Array:
@@ -138,10 +140,10 @@ class WavyForm:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredForm:
-    """Hold heights measured over a whole seal.
+    """Hold a form deviation: heights that were measured over a whole seal.
 
-    `from_points` makes a form from points, and `from_map` from a map of heights. The least-squares plane is subtracted
-    from the heights, because faces align with each other when they are clamped.
+    The method `from_points` creates a form from measured points, and `from_map` from a map of heights. The
+    least-squares plane is subtracted from the heights, because faces align with each other when they are clamped.
 
     Attributes
     ----------
@@ -153,9 +155,9 @@ class MeasuredForm:
     polar : bool
         Whether the points are given by radius and angle.
     middle : tuple of two float or None
-        Centre of the map from which the points were taken [m], or None if they are not from a map. On a ring or mesh,
-        this centre is placed at the centre of the seal. On a strip, the corner of the map is placed at the corner of
-        the strip instead.
+        Centre [m] of the map of heights that contains the points; None if the points are not from a map. On a ring or
+        mesh, the centre of the map is placed at the centre of the seal. On a strip, the corner of the map is placed at
+        the corner of the strip.
     """
 
     points: Array = field(repr=False)
@@ -167,14 +169,14 @@ class MeasuredForm:
     def from_points(
         cls, points: ArrayLike, heights: ArrayLike, *, polar: bool = False
     ) -> MeasuredForm:
-        """Make a form from heights measured at any points, which may also lie on a line.
+        """Create a form from heights at measured points, which may be scattered, on a grid or on a line.
 
         Parameters
         ----------
         points : array, (n, 2)
             Coordinates [m], or radius [m] and angle [rad] if `polar`.
         heights : array, (n,)
-            Heights towards the other face [m].
+            Heights [m], positive towards the other face.
         polar : bool
             Whether the points are given by radius and angle.
 
@@ -193,7 +195,10 @@ class MeasuredForm:
 
     @classmethod
     def from_map(cls, surface: Topography) -> MeasuredForm:
-        """Make a form from the defined points of a map of heights, for example of a map from a coarser instrument."""
+        """Create a form from a map of heights, for example from an instrument with a larger field of view.
+
+        Points whose height is undefined (NaN) are left out.
+        """
         points = middles(surface.size, surface.shape)
         is_defined = np.isfinite(surface.heights).ravel()
         form = cls.from_points(points[is_defined], surface.heights.ravel()[is_defined])
@@ -201,15 +206,16 @@ class MeasuredForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wavelength that the points resolve [m], three times their typical distance."""
+        """Shortest wavelength that the measured points resolve [m]: three times the typical distance between points."""
         return _RESOLVED_DISTANCES * self._typical_distance
 
     @cached_property
     def _typical_distance(self) -> float:
         """Median distance [m] of a point from its second nearest neighbour.
 
-        For points on a line or on a grid, this is the spacing of the points. For scattered points, the nearest
-        neighbour is not used, because it may be exceptionally near.
+        For points on a line or on a grid, the distance from the second nearest neighbour is the spacing of the points.
+        For scattered points, the distance from the nearest neighbour would be misleading, because measured points may
+        almost coincide.
         """
         from scipy.spatial import cKDTree
 
@@ -219,7 +225,10 @@ class MeasuredForm:
 
     @cached_property
     def _averaged_points(self) -> tuple[Array, Array]:
-        """Points (n, 2) [m] in the plane and their heights (n,) [m], averaged over squares if there are too many."""
+        """Measured points (n, 2) [m] and their heights (n,) [m].
+
+        If there are more than `_MOST_POINTS` points, each returned point is the mean of all points in a square.
+        """
         points, values = self.points, self.values
         if self.polar:
             radius, angle = points.T
@@ -241,8 +250,8 @@ class MeasuredForm:
     def heights(self, points: Array, frame: Frame) -> Array:
         """Interpolate the measured heights at points of a seal by linear radial basis functions.
 
-        The parameters and errors are those of `SealForm.heights`. A form in polar coordinates is not accepted on a
-        strip. The least-squares plane of the interpolated heights is subtracted from them.
+        The least-squares plane of the interpolated heights is subtracted. For parameters and errors, see
+        `SealForm.heights`. In addition, an InputError is raised for measured points in polar coordinates on a strip.
         """
         from scipy.interpolate import RBFInterpolator
         from scipy.spatial import cKDTree
@@ -261,7 +270,9 @@ class MeasuredForm:
         if far > limit:
             given = f"points up to {to_text(far, 'm', 3)} from points of the seal"
             near = to_text(limit, "m", 3)
-            expected = f"points that cover it, within {near}: is their unit right?"
+            expected = (
+                f"points that cover the seal, within {near}: is the unit of the points right?"
+            )
             raise InputError("form", given, expected)
         levelled = _subtract_plane(known, values)
         interpolate = RBFInterpolator(known, levelled, kernel="linear", degree=0)
@@ -270,14 +281,14 @@ class MeasuredForm:
 
 @dataclass(frozen=True)
 class FileForm:
-    """Describe heights over a seal that are read from a file, see `read_form`.
+    """Describe a form deviation whose heights over the seal are read from a file, see `read_form`.
 
     Parameters
     ----------
     path : Path
         File with the heights.
     unit : str or None
-        Unit of the heights, such as "um". By default the unit that the file states.
+        Unit of the heights, such as "um". By default, the unit in the file is used.
     length_unit : str
         Unit of the coordinates x and y, or of the radius.
     """
@@ -288,7 +299,7 @@ class FileForm:
         example="flatness.csv",
     )
     unit: str | None = described(
-        "unit of the heights; by default that in the file", example="um", default=None
+        "unit of the heights; by default the unit in the file", example="um", default=None
     )
     length_unit: str = described("unit of x and y, or of r", default="mm")
 
@@ -302,12 +313,12 @@ class FileForm:
 
     @cached_property
     def measured(self) -> MeasuredForm:
-        """Form that is read from the file. The file is read only once."""
+        """The form deviation in the file, which is read at the first access and then kept in memory."""
         return read_form(self.path, unit=self.unit, length_unit=self.length_unit)
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wavelength that the points of the file resolve [m]."""
+        """Shortest wavelength that the measured points in the file resolve [m]."""
         return self.measured.shortest_wave
 
     def heights(self, points: Array, frame: Frame) -> Array:
@@ -331,14 +342,14 @@ def read_form(
         names; or a map of heights in any format that `read_topography` reads. On a strip, the corner of a map is placed
         at the corner of the strip; on a ring or mesh, the centre of a map is placed at the centre of the seal.
     unit : str or None
-        Unit of the heights. It is not needed for a map whose file states the unit.
+        Unit of the heights; None for a map whose file contains the unit.
     length_unit : str
         Unit of the coordinates x and y, or of the radius.
 
     Raises
     ------
     InputError
-        The file does not exist or cannot be read, or `unit` is missing for a file with columns.
+        The file does not exist or cannot be read, or `unit` is missing for a text file with columns.
     """
     from ..topography import read_topography
 
@@ -365,7 +376,7 @@ FORMS: dict[str, Any] = {form.kind: form for form in (FileForm, WavyForm)}
 
 @dataclass(frozen=True)
 class ScaledForm:
-    """Describe a form by the heights of another form, multiplied by a factor."""
+    """Describe a form deviation whose heights are a multiple of the heights of another form."""
 
     form: SealForm
     factor: float
@@ -376,7 +387,7 @@ class ScaledForm:
         return self.form.shortest_wave
 
     def heights(self, points: Array, frame: Frame) -> Array:
-        """Return the heights (n,) [m] of the form at points (n, 2) [m], multiplied by the factor."""
+        """Return the multiplied heights (n,) [m] of the form at points (n, 2) [m] of a seal."""
         return self.factor * self.form.heights(points, frame)
 
 

@@ -1,7 +1,7 @@
 """Describe the direction of the lay on a seal.
 
-Machining marks run along x2 of the measured surface. The lay of a seal is the direction on the seal of the axis x2 of
-the surface.
+On the measured surface, the machining marks are parallel to the axis x2. The lay of a seal is the direction of the
+machining marks on the seal.
 """
 
 from __future__ import annotations
@@ -17,15 +17,16 @@ from ..base import Array, InputError, Pair, counted, to_text
 
 #: Smallest and largest plausible size of a seal [m].
 _SIZES = (1e-4, 100.0)
-#: Largest distance of a point of the seal from the nearest node of a vector field, in spacings of the nodes.
+#: Largest distance of a point of the seal from the nearest node of a vector field, divided by the spacing of the nodes.
 _LARGEST_DISTANCE = 2.0
 
 
 @dataclass(frozen=True)
 class Lay:
-    """Describe the lay on a seal: the direction of the axis x2 of the cells. Opposite directions are the same lay.
+    """Describe the lay of a seal: the direction on the seal into which the axis x2 of a cell is turned.
 
-    A lay is given by a name, by an angle, as a spiral, or as a vector field; exactly one of these is set.
+    The lay is given in one of four ways: by a name, by an angle, as a spiral, or as a vector field. Opposite directions
+    are the same lay.
 
     Attributes
     ----------
@@ -34,11 +35,11 @@ class Lay:
     angle : float or None
         Angle from x1 towards x2 [rad].
     lead : float
-        Lead of a spiral [m]: the distance by which a groove advances across the seal in one turn. It is the distance
-        between neighbouring grooves times the number of starts.
+        Lead of a spiral [m]: the distance by which a groove advances across the seal in one turn. The lead is the
+        distance between neighbouring grooves times the number of starts.
     circumference : float or None
-        Circumference [m] of the ring, if a strip with spiral grooves is a part of a ring. Default: the length of the
-        strip.
+        Circumference of the ring [m], for a strip that stands for a part of a ring with spiral grooves. By default, the
+        length of the strip is used as the circumference.
     file : Path or None
         File with a vector field along the lay.
     array : str
@@ -62,7 +63,7 @@ class Lay:
         centre : tuple of two float
             Centre of a radial, circumferential or spiral lay [m].
         unit : float
-            Unit of the coordinates in the file of a vector field [m].
+            Length [m] of the unit in which the file of a vector field contains its coordinates.
 
         Returns
         -------
@@ -72,8 +73,8 @@ class Lay:
         Raises
         ------
         InputError
-            A point lies at the centre; or the file of the vector field cannot be read, contains no vectors of the given
-            name, or does not cover the points.
+            A point lies at the centre of a radial, circumferential or spiral lay. The error is also raised if the file
+            of the vector field cannot be read, does not contain the vector field, or does not cover the points.
         """
         if self.file is not None:
             return _directions_from_field(self.file, self.array, points, unit)
@@ -100,10 +101,10 @@ class Lay:
         return np.tile([np.cos(angle), np.sin(angle)], (len(points), 1))
 
     def check_lead(self, breadth: float) -> None:
-        """Raise InputError if a spiral groove crosses a seal of the given breadth [m] in less than one turn."""
+        """Raise InputError if a spiral groove crosses a seal of the width `breadth` [m] in less than one turn."""
         if self.lead > breadth:
             given = f"{to_text(self.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} wide"
-            expected = "at most the breadth: the groove would cross it within a turn"
+            expected = "at most the width: a groove would cross the seal within a turn"
             raise InputError("lay.lead", given, expected)
 
     def __str__(self) -> str:
@@ -117,9 +118,9 @@ class Lay:
 def check_size(name: str, size: float, unit: str = "") -> None:
     """Raise InputError if a seal is so small or so large that its unit is probably wrong.
 
-    name : parameter that states the size.
+    name : name of the parameter with the size, for the message.
     size : size of the seal [m].
-    unit : unit that the user has given.
+    unit : unit of the size in the user's input, for the message.
     """
     low, high = _SIZES
     if not low <= size <= high:
@@ -139,7 +140,7 @@ def check_inlet(inlet: Any) -> None:
 
 
 def check_ring(inner: float, outer: float, inlet: str) -> None:
-    """Raise InputError if the outer radius [m] is not larger than the inner one, or `inlet` names neither of them."""
+    """Raise InputError if the outer radius [m] is not larger than the inner radius [m], or if `inlet` is invalid."""
     if not outer > inner:
         expected = f"a number > the inner radius, {inner:g} m"
         raise InputError("outer_radius", f"{outer:g} m", expected)

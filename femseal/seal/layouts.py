@@ -1,7 +1,7 @@
-"""Define the shapes of seals that a case can choose. A shape covers a seal of real size with tiles.
+"""Define the shapes of seals that a case can choose: strips, rings and meshes, which are covered with tiles.
 
-To add a shape, write a frozen dataclass that has the members of `Layout`, and fields for its parameters in a case (see
-`base.validate`). Then add it to `LAYOUTS`.
+To add a shape, write a frozen dataclass with the properties and methods of the protocol `Layout`. The fields of the
+dataclass are the parameters of the shape in a case (see `base.validate`). Then add the dataclass to `LAYOUTS`.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ _SMALLEST_CIRCUMFERENCE = 1e-6
 
 
 def parse_lay(given: Any, folder: Path = Path()) -> Lay:
-    """Make a `Lay` from the value of the key `lay` in a case.
+    """Convert the value of the key `lay` in a case to a `Lay`.
 
     Parameters
     ----------
     given : str, dict or Lay
         A name such as "radial", or one of the tables {"angle": "30 deg"}, {"kind": "spiral", "lead": "60 um", "starts":
-        1} and {"field": "file.vtu:name"}. In a table, the angle may also be a number [rad], and the lead a number [m].
+        1} and {"field": "file.vtu:name"}. The angle can also be given as a number [rad], and the lead as a number [m].
         A `Lay` is returned unchanged.
     folder : Path
         Folder to which the path of a file with a vector field is relative.
@@ -48,7 +48,7 @@ def parse_lay(given: Any, folder: Path = Path()) -> Lay:
     Raises
     ------
     InputError
-        `given` has none of these forms.
+        `given` is not a name, a table or a `Lay` as described above.
     """
     match given:
         case Lay():
@@ -76,7 +76,7 @@ def parse_lay(given: Any, folder: Path = Path()) -> Lay:
 
 
 def _to_si_value(given: Any, unit: str, name: str) -> float:
-    """Convert text with a unit to a value in SI units. A finite number is returned unchanged.
+    """Convert a text with a unit to a value in SI units. A finite number is regarded as a value in SI units.
 
     unit : SI unit, such as "m".
     name : name of the key, for messages.
@@ -87,7 +87,7 @@ def _to_si_value(given: Any, unit: str, name: str) -> float:
 
 
 def _to_length(given: Any, name: str, smallest: float = 0.0) -> float:
-    """Convert text with a unit or a number to a length [m]; raise InputError if it is below the smallest length."""
+    """Convert a text with a unit, or a number, to a length [m]; raise InputError for a length below `smallest`."""
     value = _to_si_value(given, "m", name)
     if value < smallest:
         expected = f"a length >= {to_text(smallest, 'm')}, such as '60 um'"
@@ -96,10 +96,10 @@ def _to_length(given: Any, name: str, smallest: float = 0.0) -> float:
 
 
 class Layout(Protocol):
-    """Define the interface of a shape of seals. `str` of a shape describes the seal to the user."""
+    """Define the properties and methods that a shape of seals needs. `str(shape)` describes the seal to the user."""
 
     kind: ClassVar[str]
-    #: True if the length of the seal is a parameter of the sampling, False if it follows from the shape.
+    #: True if the length of the seal is a parameter of `Sampling`, False if the shape determines the length.
     has_length: ClassVar[bool]
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
@@ -108,13 +108,13 @@ class Layout(Protocol):
         Raises
         ------
         InputError
-            The length of the seal is missing; a length or breadth is given although it follows from the shape; or the
+            The length of the seal is missing; a length or width is given although the shape determines the size; or the
             cells are wider than the seal.
         """
         ...
 
     def frame(self, size: Pair) -> Frame:
-        """Return the coordinates for pressure maps on a seal of the given breadth and length [m]."""
+        """Return the coordinates for pressure maps on a seal of the given size (width, length) [m]."""
         ...
 
 
@@ -144,7 +144,7 @@ class RectangularLayout:
         lay = parse_lay(self.lay)
         if lay.name == "radial" or lay.file is not None:
             raise InputError("lay", f"'{lay}' on a strip", "x1, x2, a spiral or an angle")
-        # x2 is the circumferential direction of a strip; the grooves of a spiral with the lead 0 run along it too
+        # x2 is the circumferential direction of a strip; the grooves of a spiral with the lead 0 run along x2 as well
         if lay.name == "circumferential" or (lay.name == "spiral" and lay.lead == 0):
             lay = Lay(name="x2")
         object.__setattr__(self, "lay", lay)
@@ -165,7 +165,7 @@ class RectangularLayout:
         return Spiral(self.lay.lead, self.lay.circumference) if self.lay.name == "spiral" else None
 
     def frame(self, size: Pair) -> Frame:
-        """Return the coordinates x1, counted from the inlet, and x2."""
+        """Return the coordinates of the strip: x1 is the distance from the inlet, and x2 runs along the seal."""
         return Frame.for_strip(size)
 
     def __str__(self) -> str:
@@ -210,7 +210,7 @@ class AnnularLayout:
         check_size("outer_radius", 2 * self.outer_radius)
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
-        """Cover the ring with rows of tiles, which run around the ring. The first row is at the inlet."""
+        """Cover the ring with rows of tiles, which run around the ring. The first row of tiles is at the inlet."""
         _refuse_sizes(self.kind, cell_size)
         from .tiles import cover_ring
 
@@ -275,7 +275,7 @@ class MeshLayout:
         default=(0.0, 0.0),
     )
     length: float | None = described(
-        "length of the seal, by which the leakage is divided; by default that of the outlet",
+        "length of the seal, by which the leakage is divided; by default the length of the outlet",
         example="80 mm",
         default=None,
     )
@@ -302,7 +302,7 @@ class MeshLayout:
 
     @cached_property
     def _seal(self) -> MeshSeal:
-        """Seal on the mesh in the file. The file is read only once, although a run calls `lay_out` several times."""
+        """The seal in the mesh file, which is read at the first access and then kept in memory."""
         from .mesh_seal import MeshSeal
 
         return MeshSeal(self.path, self.inlet, self.outlet, self.unit)
@@ -316,10 +316,10 @@ class MeshLayout:
 
 
 def _refuse_sizes(kind: str, cell_size: CellSize) -> None:
-    """Raise InputError if a length or breadth is given for a seal whose shape determines them."""
+    """Raise InputError if a length or width is given for a seal whose shape determines the size."""
     for name, value in (("length", cell_size.length), ("breadth", cell_size.breadth)):
         if value is not None:
-            expected = f"none with a seal of kind {kind}: it has its own"
+            expected = f"none with a seal of kind {kind}, whose shape determines the size"
             raise InputError(name, to_text(value, "m"), expected)
 
 

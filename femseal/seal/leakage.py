@@ -1,9 +1,10 @@
 """Compute the leakage and the fluid pressure of a whole seal from its permeability and a fluid.
 
-If the permeability depends on the fluid pressure, the nonlinear problem ∇·(k(p) ρ/η ∇p) = 0 is solved by fixed-point
-iteration, in terms of the potential ψ of a representative gap (see `flow.pressure_drop`). Each iteration solves a
-linear flow problem, in which the permeability of an element is the mean ∫ k(p) (ρ/η) dp / ∫ dψ between the lowest and
-the highest pressure at its corners.
+If the permeability depends on the fluid pressure, the flow problem ∇·(k(p) ρ/η ∇p) = 0 is nonlinear. The nonlinear
+problem is solved by fixed-point iteration. The unknown of the iteration is the potential ψ of a gap with a typical
+permeability (see `flow.pressure_drop`). Each iteration solves a linear flow problem for ψ. In the linear problem, each
+element has a mean permeability, ∫ k(p) (ρ/η) dp / ∫ dψ, where both integrals extend from the lowest to the highest
+pressure at the corners of the element.
 """
 
 from __future__ import annotations
@@ -33,12 +34,12 @@ def pressure_dependent_flow(
     solver: str = "auto",
     rtol: float,
 ) -> tuple[DarcyFlow, Any]:
-    """Solve the flow through a seal whose permeability depends on the fluid pressure.
+    """Compute the flow through a seal whose permeability depends on the fluid pressure.
 
     Parameters
     ----------
     seal, fluid, bounds, solver, rtol
-        As in `seal_leakage`. Bounds are computed with the permeability of the converged solution.
+        See `seal_leakage`. The bounds of the flow are computed with the permeability of the converged solution.
     table : PermeabilityTable
         Permeability at several fluid pressures.
     inlet, outlet : float
@@ -47,10 +48,11 @@ def pressure_dependent_flow(
     Returns
     -------
     flow : DarcyFlow
-        Flow for a unit drop of the potential φ of viscous flow. `flow.potential` is φ as a fraction of this drop.
+        Flow for a difference of 1 between inlet and outlet in the potential φ of viscous flow. The field
+        `flow.potential` is scaled in the same way: 1 at the inlet and 0 at the outlet.
     permeability : array
-        Equivalent permeability of each element [m³]. With this permeability, the linear flow problem in φ has the
-        solution of the nonlinear problem.
+        Equivalent permeability of each element [m³]. The linear flow problem in φ with the equivalent permeabilities
+        has the same solution as the nonlinear problem.
 
     Raises
     ------
@@ -67,14 +69,17 @@ def pressure_dependent_flow(
     curve = PressureCurve(table.pressures, values, table.piecewise)
 
     def permeability(fraction: Array) -> Array:
-        """Return the permeability of the elements for a potential ψ at the points, as a fraction of the drop of ψ."""
+        """Return the mean permeability of each element for a given potential.
+
+        fraction : potential ψ at the points, scaled to 1 at the inlet and 0 at the outlet.
+        """
         # isolated points have no potential (NaN), and their permeability does not matter
         p = np.maximum(drop.pressure(np.nan_to_num(fraction, nan=0.5)), drop.least_pressure)
         lowest, highest = _corner_range(seal, p, curve.shape)
         return curve.mean_between(lowest, highest, drop.mobility)
 
     def solve(element_permeability: Array) -> tuple[float, Array, DarcyFlow]:
-        """Solve the linear flow problem; return the flow rate, the potential and the whole solution."""
+        """Solve the linear flow problem; return the flow rate, the potential and the `DarcyFlow`."""
         flow = seal.flow(element_permeability, solver=solver)
         return flow.conductance, flow.potential, flow
 
@@ -96,12 +101,15 @@ def pressure_dependent_flow(
 def _in_viscous_potential(
     flow: DarcyFlow, rate: float, fraction: Array, drop: PressureDrop
 ) -> DarcyFlow:
-    """Convert a flow for a unit drop of the potential ψ to one for a unit drop of the potential φ of viscous flow.
+    """Convert a flow in the potential ψ to a flow in the potential φ of viscous flow.
 
-    rate : flow rate for the unit drop of ψ [m³].
-    fraction : potential ψ at the points, as a fraction of the drop of ψ.
+    Each of the two flows refers to a difference of 1 in its potential between inlet and outlet.
+
+    rate : flow rate for a difference of 1 in ψ [m³].
+    fraction : potential ψ at the points, scaled to 1 at the inlet and 0 at the outlet.
     """
-    # the drop of ψ is `factor` times the drop of φ, so that the flow for a unit drop of φ is larger by this factor
+    # The difference of ψ between inlet and outlet is `factor` times the difference of φ. The flow for a difference of 1
+    # in φ is therefore larger by this factor.
     factor = drop.mean_factor
     potential = drop.viscous_fraction(fraction)
     return replace(
@@ -117,7 +125,7 @@ def _in_viscous_potential(
 def _element_values(seal: Seal, values: Array) -> Array:
     """Bring permeabilities at m pressures into the shape (m, n) or (m, n, 2).
 
-    There are n elements, each with one value or with two values along its axes.
+    The seal has n elements. Each element has a single permeability, or two permeabilities along its axes.
 
     Raises InputError if the shape of the values does not fit the elements of the seal.
     """
@@ -136,9 +144,9 @@ def _element_values(seal: Seal, values: Array) -> Array:
 def _corner_range(seal: Seal, at_points: Array, shape: tuple[int, ...]) -> tuple[Array, Array]:
     """Return the lowest and the highest value at the corners of each of n elements.
 
-    at_points : values at the points of the seal.
-    shape : shape of the permeability, (n,) or (n, 2). The results have the shape (n,) for the first and (n, 1) for the
-    second, so that NumPy can broadcast them with the permeability.
+    at_points : quantity at the points of the seal.
+    shape : shape of the permeability, (n,) or (n, 2). The returned arrays have the shape (n,) for a permeability (n,),
+        and (n, 1) for a permeability (n, 2), so that NumPy can broadcast them with the permeability.
     """
     corners = seal.corner_values(at_points)  # (element, corner)
     lowest = corners.min(axis=1)
@@ -155,9 +163,9 @@ def _quantity(unit: str, long_name: str, **options: Any) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class Leakage(Shown):
-    """Hold the leakage from inlet to outlet, which is negative if the outlet pressure is higher.
+    """Hold the leakage of a seal, which is negative if the outlet pressure is higher than the inlet pressure.
 
-    Printing it shows each value with its unit.
+    Printing a `Leakage` shows each value with its unit.
     """
 
     volume_rate: float = _quantity("m^3/s", "leakage")
@@ -174,7 +182,7 @@ class Leakage(Shown):
     solver: str = _quantity("1", "solver of the linear system")
     permeability: Any = _quantity(
         "m^3",
-        "permeability at the pressures of the solution, if it depends on them",
+        "permeability at the solved fluid pressures, if the permeability depends on the pressure",
         default=None,
         repr=False,
     )
@@ -202,16 +210,17 @@ def seal_leakage(
     permeability : float, array or PermeabilityTable
         Permeability k >= 0 [m³]: a number; a number for each element (n_elements,); two numbers for each element, along
         its axes (n_elements, 2); or symmetric tensors (n_elements, 2, 2). The axes are x1 and x2 of a strip, radius and
-        angle of a ring, and x and y of a mesh. Strips and rings of (n1, n2) cells also accept arrays (n1, n2) and
-        (n1, n2, 2). A permeability that depends on the fluid pressure, as that of a rarefied gas, is given by a
+        angle of a ring, and x and y of a mesh. Strips and rings of (n1, n2) cells also accept arrays (n1, n2) and (n1,
+        n2, 2). A permeability that depends on the fluid pressure, for example for a rarefied gas, is given by a
         `PermeabilityTable`, which must not contain tensors.
     fluid : Fluid
         A `Liquid`, an `IdealGas` or any other fluid with a pressure potential.
     inlet_pressure, outlet_pressure : float
         Fluid pressures at inlet and outlet [Pa], absolute for a gas.
     bounds : bool
-        Whether to compute a `lower` and an `upper` bound of the leakage, which are NaN otherwise. They enclose the
-        leakage of the exact shape if the permeability is constant on each element. An `ElementSeal` always has bounds.
+        Whether to compute a `lower` and an `upper` bound of the leakage, which are NaN otherwise. If the permeability
+        is constant on each element, the exact leakage lies between the two bounds. The bounds of an `ElementSeal` are
+        always computed.
     solver : str
         Solver of the linear system: "multigrid" or "elimination" for strips and rings only, "direct", "amg", or
         "auto".
@@ -222,9 +231,10 @@ def seal_leakage(
     -------
     Leakage
         Volume rates refer to the reference density of the fluid. `fluid_pressure` is given at the corners of the
-        elements: an array (n1 + 1, n2) from inlet to outlet for a strip or a ring, and (n_vertices,) for a mesh. Points
-        that are connected only to the inlet, or only to the outlet, have the pressure there. At points that are
-        connected to neither of them, the pressure is NaN.
+        elements: an array (n1 + 1, n2) from inlet to outlet for a strip or a ring, and (n_vertices,) for a mesh. At
+        points that are connected only to the inlet, the pressure is the inlet pressure. At points that are connected
+        only to the outlet, the pressure is the outlet pressure. The pressure is NaN at points without any connection to
+        inlet or outlet.
 
     Raises
     ------
@@ -259,11 +269,12 @@ def seal_leakage(
         )
     else:
         flow = seal.flow(permeability, bounds=bounds, solver=solver)
-    # the flow was solved for a unit drop of φ; this factor converts it to the volume rate for the actual drop
+    # the flow was solved for a difference of 1 in φ; the factor converts this flow to the volume rate for the actual
+    # difference
     to_volume = drop / fluid.reference_density
     lower, upper = sorted((flow.lower * to_volume, flow.upper * to_volume))
-    # the clip is needed because of rounding errors and of elements with oblique tensors, whose potential may lie beyond
-    # those of the ends
+    # The clip is needed because of rounding errors, and because the potential in elements with oblique tensors may lie
+    # outside of the range between outlet and inlet.
     potential = φ_out + drop * np.clip(flow.potential, 0.0, 1.0)
     volume_rate = flow.conductance * to_volume
     return Leakage(

@@ -1,8 +1,8 @@
 """Define seals on meshes: `MeshSeal` has any plan shape, `ElementSeal` has a random permeability in each element.
 
-A mesh is checked for overlapping elements. Elements may overlap even if no element overlaps its neighbours, for example
-where two separate parts of the mesh lie on top of each other. At least one of two such elements is at the boundary of
-the mesh.
+A mesh is checked for overlapping elements. Elements that are not neighbours may overlap as well, for example where two
+separate parts of the mesh lie on top of each other. At least one of two overlapping elements is at the boundary of the
+mesh, if no element overlaps its neighbours.
 """
 
 from __future__ import annotations
@@ -29,15 +29,16 @@ from .seal_files import NAME_BOUNDARIES, read_mesh
 
 #: Names of boundaries, one or several.
 Names = str | Sequence[str]
-#: An element that is closed along one axis gets a small permeability along this axis, `CLOSED_AXIS` times that along
-#: the other axis, so that the tensor is invertible. The flow through a square seal that is open only due to these small
-#: permeabilities was 0.002 to 7e3 times their median; the flow through an open seal was at least 7e6 times their
-#: median. A flow below the following multiple of the median counts as 0.
+#: An element that is closed along one axis gets a small permeability along this axis, `CLOSED_AXIS` times the
+#: permeability along the other axis, so that the tensor is invertible. In tests with square seals, the flow through a
+#: closed seal with such small permeabilities was 0.002 to 7e3 times the median of the small permeabilities. The flow
+#: through an open seal was at least 7e6 times this median. A flow below the following multiple of the median counts as
+#: 0.
 _CLOSED_BELOW = 2e5
-#: Allowed overlap of elements, as a fraction of the extent of the smaller one: coordinates are rounded, and straight
-#: edges approximate arcs.
+#: Allowed overlap of two elements, as a fraction of the extent of the smaller element. The overlap can be positive
+#: because of rounded coordinates, and because straight edges approximate arcs.
 _ALLOWED_OVERLAP = 0.1
-#: Components of unit vectors below this are rounding errors.
+#: Components of unit vectors below this limit are rounding errors.
 _ROUNDING = 1e-12
 
 
@@ -64,7 +65,7 @@ def first_overlap(mesh: Mesh) -> tuple[int, ...]:
     normals = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
     boundary_elements = np.unique(mesh.f2t[0, mesh.boundary_facets()])
     for i in boundary_elements.tolist():
-        # only elements whose bounding boxes overlap that of element i are compared with it
+        # only elements whose bounding box overlaps the bounding box of element i are compared with element i
         boxes_meet = (x_min < x_max[i]) & (x_max > x_min[i])
         boxes_meet &= (y_min < y_max[i]) & (y_max > y_min[i])
         for j in np.flatnonzero(boxes_meet).tolist():
@@ -100,8 +101,8 @@ class MeshSeal:
     Raises
     ------
     InputError
-        The file is missing or is not a mesh; the mesh has no boundary with a given name; inlet and outlet touch, or the
-        mesh does not connect them; or elements are degenerate, tangled or overlapping.
+        The file is missing or is not a mesh; the mesh has no boundary with a given name; inlet and outlet touch each
+        other, or the mesh does not connect inlet and outlet; or elements are degenerate, tangled or overlapping.
     """
 
     path: str | PathLike[str] | Mesh = field(repr=False)
@@ -160,7 +161,7 @@ class MeshSeal:
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes that a permeability may have if it is not a tensor."""
+        """Allowed shapes of the array of permeabilities, for permeabilities that are not tensors."""
         return (self.mesh.nelements,), (self.mesh.nelements, 2)
 
     def corner_values(self, values: Array) -> Array:
@@ -168,7 +169,7 @@ class MeshSeal:
         return np.asarray(values[self.mesh.t.T])
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Compute the flow for a unit drop of potential.
+        """Compute the flow for a potential of 1 at the inlet and 0 at the outlet.
 
         Parameters
         ----------
@@ -177,7 +178,8 @@ class MeshSeal:
         bounds : bool
             Whether to compute bounds of the flow as well.
         solver : str
-            "amg", "direct" or "auto". The names of the solvers for rectangular elements are accepted and mean "auto".
+            "amg", "direct" or "auto". The solvers "multigrid" and "elimination" are only available for rectangular
+            elements; on a mesh, they are replaced by "auto".
         """
         check_solver(solver)
         solver = solver if solver in PLAIN_SOLVERS else "auto"
@@ -240,10 +242,10 @@ def boundaries_without_name(mesh: Mesh) -> Iterator[str]:
 def _connected_parts(mesh: Mesh, corners: Indices) -> Indices:
     """Number the connected parts of a mesh, and return the number of the part to which each vertex belongs.
 
-    corners : vertices of n elements or facets with k corners each, (k, n). The corners of an element or facet are
-    connected.
+    corners : indices of the vertices of n elements or facets with k corners each (k, n). All corners of an element or
+    facet count as connected with each other.
     """
-    # links from the first corner to all others are enough
+    # links from the first corner to the other corners are sufficient
     starts = np.tile(corners[0], len(corners) - 1)
     ends = corners[1:].ravel()
     shape = (mesh.nvertices, mesh.nvertices)
@@ -253,7 +255,7 @@ def _connected_parts(mesh: Mesh, corners: Indices) -> Indices:
 
 
 def _centre_text(mesh: Mesh, corners: Indices) -> str:
-    """Write the mean position of some vertices, for a message."""
+    """Return the mean position of the given vertices as text, for a message."""
     x, y = (to_text(float(c[corners].mean()), "m", 3) for c in mesh.p)
     return f"({x}, {y})"
 
@@ -285,7 +287,9 @@ def _check_element_shapes(mesh: Mesh) -> None:
     undefined = np.flatnonzero(~np.isfinite(mesh.p).all(axis=0))
     if undefined.size:
         raise InputError(
-            "path", f"a mesh whose node {undefined[0]} is not finite", "finite coordinates"
+            "path",
+            f"a mesh whose node {undefined[0]} has no finite coordinates",
+            "finite coordinates",
         )
     corners = mesh.p.T[mesh.t.T]  # (element, corner, 2)
     to_previous = np.roll(corners, 1, axis=1) - corners
@@ -302,8 +306,8 @@ def _check_element_shapes(mesh: Mesh) -> None:
 
 
 def _overlapping_neighbours(mesh: Mesh) -> tuple[int, ...]:
-    """Return the first elements that overlap a neighbour; empty if there are none."""
-    # If the boundaries of two neighbouring elements are traversed anticlockwise, they pass the common edge in opposite
+    """Return the indices of the first two elements that overlap a neighbour; empty if no neighbours overlap."""
+    # If the boundaries of two neighbouring elements are traversed anticlockwise, the common edge is passed in opposite
     # directions; otherwise the elements overlap. The direction is 1 or −1, depending on which vertex number is larger,
     # and the directions of two neighbours add up to 0.
     vertices, edge = mesh.t.T, mesh.t2f.T  # (element, corner)
@@ -318,7 +322,7 @@ def _overlapping_neighbours(mesh: Mesh) -> tuple[int, ...]:
 
 
 def _names(given: Names) -> tuple[str, ...]:
-    """Return one or several names as a tuple."""
+    """Convert a name or a sequence of names to a tuple of names."""
     return (given,) if isinstance(given, str) else tuple(given)
 
 
@@ -326,9 +330,10 @@ def _names(given: Names) -> tuple[str, ...]:
 class ElementSeal:
     """Define a seal whose permeability is constant on each element and varies at random from element to element.
 
-    The flow is computed as the geometric mean of an upper bound, from continuous pressures, and a lower bound, from
-    continuous fluxes. For random permeabilities with a symmetric distribution of ln k, the error of this mean is at
-    most 3 %, even where the upper bound is several times the lower bound.
+    The flow is computed as the geometric mean of two bounds: an upper bound from elements with continuous pressures,
+    and a lower bound from elements with continuous fluxes. In tests with random permeabilities whose logarithm has a
+    symmetric distribution, the error of the geometric mean was at most 3 %, even if the upper bound was several times
+    the lower bound.
 
     Attributes
     ----------
@@ -337,13 +342,13 @@ class ElementSeal:
     inlet, outlet : arrays of int
         Boundary facets of the mesh.
     size : tuple of two float
-        Approximate breadth from inlet to outlet, and length along the seal [m].
+        Approximate width from inlet to outlet, and length along the seal [m].
     outlines : array, (n, corners, 2)
         Corners of the elements in the plane of the seal [m].
     axes : array, (n, 2, 2)
         Unit vectors across and along the lay of each element, in the coordinates of the mesh.
     rectangles : Rectangles or None
-        Elements of a strip or a ring as rectangles, for which there is a fast solver; None for other meshes.
+        Rectangular elements of a strip or a ring, for which a fast solver is available; None for other meshes.
     """
 
     value_needs_bounds: ClassVar[bool] = True
@@ -375,7 +380,7 @@ class ElementSeal:
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes that a permeability may have if it is not a tensor."""
+        """Allowed shapes of the array of permeabilities, for permeabilities that are not tensors."""
         return (self.mesh.nelements,), (self.mesh.nelements, 2)
 
     def corner_values(self, values: Array) -> Array:
@@ -383,13 +388,14 @@ class ElementSeal:
         return np.asarray(values[self.mesh.t.T])
 
     def tensors(self, permeability: Any) -> Array:
-        """Transform a permeability from the axes of the lay to the coordinates of the mesh.
+        """Transform permeabilities, given across and along the lay, to tensors in the coordinates of the mesh.
 
         Parameters
         ----------
         permeability : float or array, (n,), (n, 2) or (n, 2, 2)
-            Permeability of the n elements [m³]: a number; a number for each element; values across and along the lay;
-            or tensors with the components across and along the lay.
+            Permeability of the n elements [m³] in one of four forms: the same number for all elements; a number for
+            each element; for each element, the permeability across the lay and the permeability along the lay; or a
+            tensor for each element, whose axes are across and along the lay.
 
         Returns
         -------
@@ -407,16 +413,16 @@ class ElementSeal:
         return np.asarray(np.einsum("nij,nia,njb->nab", principal, axes, axes))
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Compute the flow for a unit drop of potential.
+        """Compute the flow for a potential of 1 at the inlet and 0 at the outlet.
 
         Parameters
         ----------
         permeability : float or array, (n,), (n, 2) or (n, 2, 2)
-            Permeability of the n elements as in `tensors` [m³].
+            Permeability of the n elements [m³], in one of the forms that the method `tensors` accepts.
         bounds : bool
-            Whether to compute a lower and an upper bound, and their geometric mean as the flow. Without bounds, the
-            flow on a mesh is that of linear elements, which is the upper bound. The potential is the same in both
-            cases.
+            Whether to compute a lower and an upper bound of the flow, and to return their geometric mean as the flow.
+            With False, the flow on a mesh is computed with linear elements and is an upper bound. The potential does
+            not depend on `bounds`.
         solver : str
             "multigrid" or "elimination" for rectangles whose lay is parallel to their edges, "amg" or "direct" on the
             mesh, or "auto".
@@ -427,9 +433,8 @@ class ElementSeal:
             Flow with the potential at the vertices of the mesh.
         """
         tensors = self.tensors(permeability)
-        is_oblique = bool(
-            tensors[:, 0, 1].any()
-        )  # principal axes that are not parallel to the mesh axes
+        # whether principal axes are not parallel to the coordinate axes of the mesh
+        is_oblique = bool(tensors[:, 0, 1].any())
         needs_mesh = solver in PLAIN_SOLVERS or is_oblique
         if self.rectangles is not None and not needs_mesh:
             return self._flow_over_rectangles(self.rectangles, tensors, bounds, solver)
@@ -454,10 +459,10 @@ class ElementSeal:
         return replace(flow, potential=potential, complement=complement)
 
     def _largest_flow_if_closed(self, permeability: Any) -> float:
-        """Return the flow for a unit drop [m³] below which a seal counts as closed.
+        """Return the limit of the computed flow [m³] below which the seal counts as closed.
 
-        Closed axes of elements get a small permeability, so that a closed seal has a small computed flow, see
-        `_CLOSED_BELOW`. This limit is larger than any such flow.
+        An element that is closed along an axis gets a small permeability along this axis, see `_CLOSED_BELOW`. The
+        computed flow through a closed seal is therefore not exactly 0, but it is smaller than the returned limit.
         """
         smaller, larger = principal_values(self.tensors(permeability))
         # elements that are closed along one of their axes, apart from rounding errors
@@ -465,7 +470,7 @@ class ElementSeal:
         if not is_half_closed.any():
             return 0.0
         typical = float(np.median(larger[is_half_closed]))
-        # A seal of the permeability k has the flow k · length / breadth for a unit drop. Here k is the small
-        # permeability that the closed axes get, CLOSED_AXIS · typical.
+        # For a potential of 1 at the inlet and 0 at the outlet, the flow through a seal with uniform permeability k is
+        # k · length / breadth. Here k is the small permeability along closed axes, CLOSED_AXIS · typical.
         breadth, length = self.size
         return _CLOSED_BELOW * CLOSED_AXIS * typical * length / breadth

@@ -1,4 +1,4 @@
-"""Provide functions for points, rectangular cells and polygons in a plane."""
+"""Check points in a plane, divide rectangles into cells, and compute areas of polygons."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..base import Array, InputError, Pair, Shape, validate
 def plane_points(name: str, given: ArrayLike) -> Array:
     """Check that `given` consists of at least three finite points (n, 2) [m], and return them as an array.
 
-    Raises an InputError that names the argument `name` if this is not so.
+    Other values raise an InputError, which names the argument `name`.
     """
     points = validate.field(name, given, unit="m")
     if points.shape[1] != 2 or len(points) < 3:

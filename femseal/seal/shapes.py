@@ -1,10 +1,11 @@
-"""Define strips and rings, and the interface of all shapes of seals.
+"""Define strips and rings, and the properties and methods that every shape of seals needs.
 
-Strips and rings consist of rows of rectangles, which follow each other from the inlet to the outlet, and are periodic
-along the seal. The coordinates of a strip are (x1, x2). Those of a ring are (ln r, θ), in which Darcy's law has the
-same form. The permeability is constant in each rectangle. `femseal.flow.rectangles` computes the flow.
+Strips and rings consist of rows of rectangles and are periodic along the seal. The first row is at the inlet and the
+last row at the outlet. The coordinates of a strip are (x1, x2), the coordinates of a ring (ln r, θ). In the coordinates
+(ln r, θ), Darcy's law has the same form as on a plane strip. The permeability is constant in each rectangle. The flow
+is computed by `femseal.flow.rectangles`.
 
-A shape is a frozen dataclass that has the members of `Seal`.
+A shape is a frozen dataclass with the properties and methods of the protocol `Seal`.
 """
 
 from dataclasses import dataclass, replace
@@ -25,26 +26,28 @@ from .mesh_seal import ElementSeal
 
 
 class Seal(Protocol):
-    """Define the interface of the shapes that `seal_leakage` accepts.
+    """Define the properties and methods that a seal needs to be accepted by `seal_leakage`.
 
     Attributes
     ----------
     value_needs_bounds : bool
-        Whether the flow is computed from its two bounds, so that `flow` must be called with `bounds=True`.
+        Whether the flow is computed as the mean of a lower and an upper bound, so that `flow` must be called with
+        `bounds=True`.
     element_shapes : tuple of tuple of int
-        Shapes that a permeability may have if it is not a tensor. The first is (n_elements,).
+        Allowed shapes of the array of permeabilities, for permeabilities that are not tensors. The first of these
+        shapes is (n_elements,).
     """
 
     value_needs_bounds: ClassVar[bool]
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes that a permeability may have if it is not a tensor."""
+        """Allowed shapes of the array of permeabilities, for permeabilities that are not tensors."""
         ...
 
     @property
     def length(self) -> float:
-        """Length of the seal [m], by which the leakage is divided to obtain the leakage per length."""
+        """Length of the seal [m], by which the leakage is divided to obtain the leakage per unit length."""
         ...
 
     @property
@@ -53,42 +56,42 @@ class Seal(Protocol):
         ...
 
     def corner_values(self, values: Array) -> Array:
-        """Return values at the corners of each element (n, corners) from values at the points."""
+        """Return the values at the corners of each element (n, corners) from the values at all points."""
         ...
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Check the permeability and compute the flow for a unit drop of potential."""
+        """Check the permeability, and compute the flow for a potential of 1 at the inlet and 0 at the outlet."""
         ...
 
 
 class PeriodicSeal:
-    """Implement what strips and rings have in common. A subclass defines `cells` and `rectangles`."""
+    """Compute the flow over strips and rings. A subclass must define the properties `cells` and `rectangles`."""
 
     cells: Shape
     value_needs_bounds: ClassVar[bool] = False
 
     @property
     def rectangles(self) -> Rectangles:
-        """Elements as rectangles, in coordinates in which Darcy's law has the same form as on a plane strip."""
+        """Rectangular elements of the seal, in the coordinates (x1, x2) of a strip or (ln r, θ) of a ring."""
         raise NotImplementedError
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes that a permeability may have if it is not a tensor."""
+        """Allowed shapes of the array of permeabilities, for permeabilities that are not tensors."""
         n1, n2 = self.cells
         return (n1 * n2,), (n1, n2), (n1 * n2, 2), (n1, n2, 2)
 
     def corner_values(self, values: Array) -> Array:
         """Return values at the corners of each element (n, 4) from values at the points (n1 + 1, n2).
 
-        The seal is periodic, so the elements of the last column share corners with those of the first.
+        The seal is periodic, so that the last column of elements shares its corners with the first column.
         """
         next_column = np.roll(values, -1, axis=1)
         corners = values[:-1], values[1:], next_column[1:], next_column[:-1]
         return np.stack(corners, axis=-1).reshape(-1, 4)
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Compute the flow for a unit drop of potential.
+        """Compute the flow for a potential of 1 at the inlet and 0 at the outlet.
 
         Parameters
         ----------
@@ -100,8 +103,8 @@ class PeriodicSeal:
             Whether to compute a `lower` and an `upper` bound, which include the error of the solver.
         solver : str
             "multigrid" or "elimination" (fast solvers for rectangles), "amg" or "direct" (on a scikit-fem mesh), or
-            "auto". If the principal axes of tensors are oblique to the rectangles, the flow is always solved on the
-            mesh.
+            "auto". For tensors whose principal axes are not parallel to the edges of the rectangles, the flow is always
+            solved on the mesh.
 
         Returns
         -------
@@ -152,8 +155,8 @@ class PeriodicSeal:
     def _flow_on_mesh(self, permeability: Array, bounds: bool, solver: str) -> DarcyFlow:
         """Compute the flow by scikit-fem for a permeability (n1, n2, 2) or (n1, n2, 2, 2).
 
-        A periodic mesh needs at least `FEWEST_COLUMNS` columns. A seal with fewer columns is repeated along its length;
-        the flow that is returned is that of the seal without repetitions.
+        A periodic mesh needs at least `FEWEST_COLUMNS` columns. If the seal has fewer columns, the mesh contains
+        several copies of the seal along its length. The returned flow is the flow through a single copy.
         """
         n2 = self.cells[1]
         repetitions = -(-FEWEST_COLUMNS // n2)  # rounded up
@@ -191,7 +194,7 @@ class RectangularSeal(PeriodicSeal):
     Parameters
     ----------
     size : tuple of two float
-        Sizes L1, in the direction of the leakage, and L2, along the seal [m].
+        Size L1 in the direction of the leakage, and size L2 along the seal [m].
     cells : tuple of two int
         Numbers of rows n1 and columns n2.
 
@@ -219,7 +222,7 @@ class RectangularSeal(PeriodicSeal):
 
     @property
     def length(self) -> float:
-        """Length L2 along the seal [m]."""
+        """Length of the seal [m], which is the size L2 along x2."""
         return self.size[1]
 
     @property
@@ -230,7 +233,7 @@ class RectangularSeal(PeriodicSeal):
 
     @cached_property
     def rectangles(self) -> Rectangles:
-        """Rectangles of the strip in the coordinates (x1, x2)."""
+        """Rectangular elements of the strip, in the coordinates (x1, x2)."""
         lines = np.linspace(0.0, self.size[0], self.cells[0] + 1)
         return Rectangles(lines, self.size[1], self.cells[1])
 
@@ -239,10 +242,10 @@ class RectangularSeal(PeriodicSeal):
 class AnnularSeal(PeriodicSeal):
     """Define a ring-shaped seal with radial leakage.
 
-    The ring consists of n_r rows of equal width, which follow each other from the inlet to the outlet. Each row has n_θ
-    elements. The permeability along the radius and along the angle may differ from element to element. In the
-    coordinates (ln r, θ) the elements are rectangles, so that the flow is exact if the permeability does not vary
-    around the ring. The fluid pressure is given at the corners of the elements.
+    The ring consists of n_r rows of equal width; the first row is at the inlet and the last row at the outlet. Each row
+    has n_θ elements. The permeability along the radius and along the angle may differ from element to element. In the
+    coordinates (ln r, θ), the elements are rectangles. If the permeability does not vary around the ring, the computed
+    flow is therefore exact. The fluid pressure is given at the corners of the elements.
 
     Parameters
     ----------
@@ -251,12 +254,13 @@ class AnnularSeal(PeriodicSeal):
     cells : tuple of two int
         Numbers of rows n_r and columns n_θ.
     inlet : "inner" or "outer"
-        Radius at which the fluid enters. The first row of elements is that at the inlet.
+        Radius at which the fluid enters. The rows of elements are counted from the inlet.
 
     Raises
     ------
     InputError
-        The inner radius is not > 0 or not smaller than the outer radius, or the cells or the inlet are invalid.
+        The inner radius is not > 0, the outer radius is not larger than the inner radius, or `cells` or `inlet` is
+        invalid.
 
     Examples
     --------
@@ -284,7 +288,7 @@ class AnnularSeal(PeriodicSeal):
 
     @property
     def size(self) -> Pair:
-        """Breadth from inlet to outlet and mean circumference [m]."""
+        """Width of the ring from inlet to outlet, and mean circumference [m]."""
         return (self.outer_radius - self.inner_radius, self.length)
 
     @property
@@ -300,6 +304,6 @@ class AnnularSeal(PeriodicSeal):
 
     @cached_property
     def rectangles(self) -> Rectangles:
-        """Elements of the ring as rectangles in the coordinates (|ln r/r₀|, θ), where r₀ is the radius of the inlet."""
+        """Rectangular elements of the ring in the coordinates (|ln r/r₀|, θ), where r₀ is the radius of the inlet."""
         r = self.radii
         return Rectangles(np.abs(np.log(r / r[0])), 2 * pi, self.cells[1])

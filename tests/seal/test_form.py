@@ -101,7 +101,12 @@ def test_a_dense_map_is_averaged_and_keeps_its_long_waves():
 @pytest.mark.parametrize(
     ("points", "heights", "more", "text"),
     [
-        (1e3 * around()[0], np.ones(36), {}, r"points that cover it, .*is their unit right"),
+        (
+            1e3 * around()[0],
+            np.ones(36),
+            {},
+            r"points that cover the seal, .*is the unit of the points right",
+        ),
         (around()[0], np.ones(36), {"polar": True}, "radii and angles on a strip"),
         ([[0, 0], [1, 1]], [0, 0], {}, "form"),
         ([[0, 0], [1, np.nan], [2, 2]], [0, 0, 0], {}, "form"),

@@ -394,7 +394,7 @@ def test_meshes_that_overlap_themselves_or_have_undefined_nodes(kind):
     undefined[:, middle] = np.nan
     over[:, middle] = (0.9, 0.57)
     faults = [
-        (undefined, mesh.t, f"^path: given a mesh whose node {middle} is not finite"),
+        (undefined, mesh.t, f"^path: given a mesh whose node {middle} has no finite coordinates"),
         (mesh.p, np.hstack([mesh.t, mesh.t[:, 5:6]]), "overlap"),
     ]
     if kind is MeshTri:

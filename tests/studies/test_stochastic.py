@@ -240,7 +240,7 @@ def test_faces_that_the_fluid_parts_have_no_leakage_and_the_others_theirs():
         ({"cells": (2.0, 2)}, "cells"),
         ({"breadth": 1.0}, "at most 1000 tiles"),
         ({"pressure_map": Profile((1.0, *[0.0] * 11)), "breadth": 12 * SIDE}, "hardness"),
-        ({"layout": AnnularLayout(1e-3, 1.1e-3)}, "it has its own"),
+        ({"layout": AnnularLayout(1e-3, 1.1e-3)}, "whose shape determines the size"),
     ],
 )
 def test_faults_are_named(changes, what):
