@@ -351,10 +351,10 @@ def condition(
         Form that is subtracted: 0 for the mean, 1 for mean and tilt, 2 for mean, tilt and curvature. Default: the tilt,
         except along axes on which the map is periodic without a step, see `Topography.form`.
     shortest_wave : float, optional
-        Shortest wave [m] that the conditioned map contains. Default: the longest of three wavelengths, which are 8
-        pixels of the final grid; the shortest wave that the instrument resolves; and the shortest wave above noise and
-        cut-off (see `describe_surface`), but at most 8 pixels of the measured map. To retain waves that are shorter
-        than 8 measured pixels, give a `shape` with at least 8 pixels per wave.
+        Shortest wave [m] that the conditioned map contains. Default: the longest of the following wavelengths: 8 pixels
+        of the final grid; the shortest wave that the instrument resolves; and the shortest wave above noise and cut-off
+        (see `describe_surface`), but at most 8 pixels of the measured map. To retain waves that are shorter than 8
+        measured pixels, give a `shape` with at least 8 pixels per wave.
     max_undefined : float
         Largest fraction of undefined points, from 0 to 1, that may be filled, including spikes.
     shape : tuple of two int or "auto", optional

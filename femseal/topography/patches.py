@@ -204,7 +204,7 @@ class Patches(Plotted):
         return self.apply_to_each(lambda p: p.resample((shape[0], p.shape[1] // part * new_part)))
 
     def with_form(self, profile: NDArray) -> Patches:
-        """Add a profile along x1 (n1,) [m] to each patch."""
+        """Return patches with a profile along x1, (n1,) [m], added to the heights of each patch."""
         return self.apply_to_each(lambda p: p.with_form(profile))
 
     def with_heights(self, heights: NDArray) -> Patches:

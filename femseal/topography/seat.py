@@ -1,8 +1,9 @@
-"""Describe the forms of seats: the nominal profile z(x1) across the seal, which is added to the measured roughness.
+"""Describe the shapes of seats by the nominal profile z(x1) across the seal, which is added to the measured roughness.
 
-The highest point has z = 0, and x1 is measured from the middle of the seal's width towards the outlet. The width of the
-contact and the pressure in each row of pixels are then results of the contact problem. The slopes of the form must be
-small, because the faces are treated as half-spaces.
+The highest point has z = 0, and x1 is measured from the middle of the seal's width towards the outlet. Because the
+profile is part of the surface, the contact problem also determines the width of the contact and the pressure in each
+row of pixels. The slopes of the profile must be small, because the faces are treated as half-spaces.
+
 Sources: Johnson, Contact Mechanics, 1985, ch. 4 (line contact); Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153 (rough
 surfaces).
 """
@@ -19,7 +20,7 @@ from ..base import Array, InputError, as_text, reals, to_si, to_text
 from ..base.validate import check_parameters, described, parameter
 from .patches import Surface
 
-#: Largest slope of a form. The approximation by a half-space needs slopes well below 1.
+#: Largest slope of a seat. The approximation by a half-space requires slopes well below 1.
 MOST_SLOPE = 0.3
 
 
@@ -29,13 +30,16 @@ def _radius(meaning: str, example: str) -> Any:
 
 
 class Seat:
-    """Define the base class of all seat forms. A form is a frozen dataclass that defines `depth`."""
+    """Define the base class for the shapes of seats.
+
+    A shape is a frozen dataclass with a method `depth`.
+    """
 
     kind: ClassVar[str]
 
     @property
     def load_factor(self) -> float:
-        """Ratio of the force normal to the faces to the given load."""
+        """Ratio of two forces: the force normal to the faces, and the load that the user gives."""
         return 1.0
 
     def __post_init__(self) -> None:
@@ -49,36 +53,36 @@ class Seat:
         return ", ".join(texts)
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """Return the depth of the form at given positions, up to an additive constant.
+        """Return the depth of the seat at given positions, up to an additive constant.
 
         Parameters
         ----------
         x : array
-            Position x1 from the middle of the seal's width [m].
+            Positions x1, measured from the middle of the seal's width towards the outlet [m].
         breadth : float
             Width of the seal [m].
 
         Returns
         -------
         array
-            Depth [m], NaN where the form does not exist.
+            Depth [m]; NaN at positions at which the shape of the seat is not defined.
         """
         raise NotImplementedError
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wavelength of the form [m], infinite because all its waves are longer than a measured patch."""
+        """Shortest wavelength [m] of the seat, infinite because all waves of a seat are longer than a patch."""
         return np.inf
 
     def heights(self, points: Array, frame: Any) -> Array:
-        """Return the heights of the form at points of a seal.
+        """Return the heights of the seat at points of a seal.
 
         Parameters
         ----------
         points : array, (points, 2)
             Positions in the plane of the seal [m].
         frame : object
-            Coordinates of the seal, which give the distance of a point from the inlet.
+            Coordinate system of the seal, from which the distance between a point and the inlet follows.
 
         Returns
         -------
@@ -99,7 +103,7 @@ class Seat:
         return -self.depth(x, breadth)
 
     def add_to(self, face: Surface) -> Surface:
-        """Return the surface with the form added to its heights.
+        """Return the surface with the profile of the seat added to its heights.
 
         Raises
         ------
@@ -109,19 +113,19 @@ class Seat:
         return face.with_form(-self.row_depths(face.shape[0], face.spacing[0]))
 
     def on(self, face: Surface) -> Surface:
-        """Accept the former name of `add_to` until the next version."""
+        """Offer `add_to` under its former name until the next version."""
         warnings.warn("Seat.on is Seat.add_to now", DeprecationWarning, stacklevel=2)
         return self.add_to(face)
 
     def row_depths(self, rows: int, spacing: float) -> Array:
-        """Return the depth of each row of pixels below the highest row.
+        """Return how far each row of pixels of the seat lies below the highest row.
 
         Parameters
         ----------
         rows : int
-            Number of rows across the seal.
+            Number of rows of pixels across the seal.
         spacing : float
-            Distance between rows [m].
+            Distance between neighbouring rows of pixels [m].
 
         Returns
         -------
@@ -143,20 +147,20 @@ class Seat:
 def check_form(
     key: str, shown: str, heights: Array, spacing: Sequence[float], inside: Array | bool = True
 ) -> None:
-    """Raise InputError if the height of a form is unknown at a point, or if it is too steep for a half-space.
+    """Raise InputError if a nominal shape has unknown heights or is too steep for a half-space.
 
     Parameters
     ----------
     key : str
         Name of the input, for the message.
     shown : str
-        Description of the form, for the message.
+        Description of the shape, for the message.
     heights : array, (n1,) or (n1, n2)
-        Heights of the form [m], NaN where it is unknown.
+        Heights of the shape [m]; NaN where the height is unknown.
     spacing : sequence of float
-        Distances between the points along each axis [m].
+        Distance between neighbouring points along each axis [m].
     inside : array or bool
-        Whether each point belongs to the seal. At other points the height may be unknown.
+        Whether each point belongs to the seal. At points outside of the seal, the height may be unknown.
     """
     known = np.where(inside, heights, np.nan)
     slope = 0.0
@@ -246,7 +250,9 @@ class BallOnCone(Seat):
 
 @dataclass(frozen=True)
 class RoundedSeat(Seat):
-    """Describe a flat land with rounded edges, with the depth (|x| − b/2)²/2r beyond the land.
+    """Describe a flat land with rounded edges.
+
+    Beyond the edges of the land, |x| > b/2, the depth is (|x| − b/2)²/2r.
 
     Parameters
     ----------
@@ -263,7 +269,7 @@ class RoundedSeat(Seat):
     edge_radius: float = _radius("radius of both edges", "2 mm")
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """Return (|x| − b/2)²/2r beyond the land, and 0 on it."""
+        """Return (|x| − b/2)²/2r for |x| > b/2, and 0 for |x| <= b/2."""
         return np.maximum(np.abs(x) - self.land / 2, 0.0) ** 2 / (2 * self.edge_radius)
 
 
@@ -274,7 +280,8 @@ class TiltedSeat(Seat):
     Parameters
     ----------
     tilt : float
-        Angle [rad]. If it is positive, the seat is highest at the inlet; if negative, at the outlet.
+        Angle [rad]. A seat with a positive angle is highest at the inlet; a seat with a negative angle is highest at
+        the outlet.
     """
 
     kind: ClassVar[str] = "tilted"
@@ -298,9 +305,9 @@ class ProfileSeat(Seat):
     Parameters
     ----------
     path : Path
-        File with two columns x1 and z, separated by commas or blanks. Its first line contains these names.
+        File with two columns, separated by commas or blanks. The first line of the file contains the names x1 and z.
     unit : str
-        Unit of both columns, such as "um".
+        Unit of the lengths x1 and z in the file, such as "um".
     """
 
     kind: ClassVar[str] = "profile"
@@ -308,7 +315,7 @@ class ProfileSeat(Seat):
     unit: str = described("unit of the lengths in the file", example="um")
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """Return −z. The middle of the profile is placed in the middle of the seal's width."""
+        """Return −z of the profile, whose middle lies in the middle of the seal's width."""
         points = _read_profile(self.path, self.unit)
         position, z = points.T
         length = float(position[-1] - position[0])
@@ -329,12 +336,12 @@ def _read_profile(path: Path, unit: str) -> Array:
     Returns
     -------
     array, (points, 2)
-        x1 in rising order, and z [m].
+        Columns x1, in rising order, and z [m].
 
     Raises
     ------
     InputError
-        The file does not contain two columns of numbers, or x1 does not rise.
+        The file does not contain two columns of numbers, or x1 does not increase from line to line.
     """
     expected = "a file of numbers in columns x1 and z, the first line with these names, x1 rising"
     try:

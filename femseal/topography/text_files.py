@@ -1,8 +1,8 @@
 """Read texts with heights: a matrix, or a table of coordinates x y z, with the encodings and headers of instruments.
 
-A line of a matrix runs along x. The separator of the numbers is recognised automatically. Decimal commas are recognised
-if commas have no other meaning in the text. Comments and the lines before the numbers form the header, see
-`text_header`.
+In a matrix, the points of a line lie along x. The separator of the numbers is recognised automatically. Decimal commas
+are recognised if commas have no other meaning in the text. Comments and the lines before the numbers form the header,
+see `text_header`.
 """
 
 from __future__ import annotations
@@ -43,7 +43,10 @@ _HEAD = 2**16
 
 
 def is_text(path: Path) -> bool:
-    """Return whether a file is a text. Its suffix decides this, except for .dat, where the content decides."""
+    """Return whether a file contains text.
+
+    The suffix decides for all files except .dat files, which are opened: a .dat file without zero bytes counts as text.
+    """
     suffix = path.suffix.lower()
     if suffix != ".dat":
         return suffix in TEXT
@@ -88,8 +91,8 @@ def read_text(path: Path, options: Reading) -> Raw:
     Raises
     ------
     InputError
-        The text contains no numbers, other words between the numbers, or lines of different lengths; it is a profile;
-        or its points are not on a grid.
+        The text contains no numbers, words between the numbers, or lines of different lengths. The text contains a
+        profile, or points that are not on a grid.
     """
     with path.open(encoding=encoding_of(path), errors="replace") as file:
         numbers, header = _read_numbers(file, options.delimiter)
@@ -115,8 +118,8 @@ def read_text(path: Path, options: Reading) -> Raw:
 def _apply_column_units(header: Header, table: MapOfTable, *, is_unit_given: bool) -> None:
     """Set the pixel size and the unit of height of a table of coordinates from the units of its columns.
 
-    If no unit is known at all, all columns are taken to be in metres. If only the unit of height is known, the pixel
-    size stays unknown.
+    If no column has a known unit, all columns are taken to be in metres. If only the unit of the heights is known, the
+    pixel size remains unknown.
 
     header : header of the table, which is modified in place.
     is_unit_given : whether the caller gives the unit of height.
@@ -161,7 +164,11 @@ def _read_numbers(file: TextIO, delimiter: str | None) -> tuple[NDArray, Header]
 
 
 def _refuse_second_map(text: str, comments: list[str], line_number: int) -> None:
-    """Raise InputError if a comment is the first line of the header of a second map."""
+    """Raise InputError if a comment begins the header of a second map in the same file.
+
+    text : the comment.
+    comments : all comments of the file before this comment.
+    """
     if meaning_of(text) != "side 1":
         return
     if any(meaning_of(comment) == "side 1" for comment in comments):
@@ -209,8 +216,8 @@ class _RowReader:
     def table(self, points: tuple[int, int] | None) -> NDArray:
         """Return the table (lines, columns).
 
-        points : numbers of points along x and y according to the header. If the total number of numbers agrees with the
-        header, the lines may have different lengths, because some programs break long lines.
+        points : numbers of points along x and y according to the header. Some programs break long lines; lines of
+        different lengths are therefore allowed if the file contains as many numbers as the header states.
         """
         numbers = np.frombuffer(self._numbers)
         if points is not None and numbers.size == points[0] * points[1]:
@@ -236,7 +243,7 @@ class _RowReader:
 
 @dataclass(frozen=True)
 class _Layout:
-    """Describe how the numbers in a line are written.
+    """Describe the format of the numbers in a line.
 
     delimiter : separator between numbers, None for blanks.
     has_decimal_commas : whether the numbers have decimal commas.
@@ -246,7 +253,7 @@ class _Layout:
     has_decimal_commas: bool = False
 
     def split(self, text: str, *, keep_commas: bool = False) -> list[str]:
-        """Split a line into its fields. Decimal commas are replaced by points, unless `keep_commas` is True."""
+        """Split a line into its fields, and replace decimal commas by points unless `keep_commas` is True."""
         if self.delimiter is None:
             # "no data" is one field in spite of its blank
             fields = _NO_DATA.sub("nan", text).replace('"', " ").split()
@@ -260,9 +267,9 @@ class _Layout:
 
 
 def _find_layout(lines: list[str], delimiter: str | None) -> _Layout:
-    """Determine how the numbers in some lines are written.
+    """Determine the format of the numbers in some lines.
 
-    delimiter : separator between numbers that the caller gives; None to recognise it in the first line.
+    delimiter : separator between numbers that the caller gives; None to recognise the separator in the first line.
     """
     texts = [line.strip(" \r\n") for line in lines]
     texts = [text for text in texts if text.strip() and not _is_comment(text)]
@@ -281,10 +288,10 @@ def _find_layout(lines: list[str], delimiter: str | None) -> _Layout:
 def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
     """Return the index of the line at which the table of numbers begins.
 
-    The table begins where three successive lines contain the same number of numbers. A faulty row directly above these
-    lines belongs to the table as well, so that its fault is reported. Without three such lines, the table begins at the
-    first line of numbers. Without any line of numbers, it begins at the first line that starts with a digit, so that an
-    error message can quote this line.
+    The table begins with the first of three successive lines that contain equally many numbers. If the line directly
+    above is a faulty row of the table, the table begins with the faulty row, so that its fault is reported. A text
+    without three such lines begins with its first line of numbers. A text without any line of numbers begins with the
+    first line that starts with a digit, so that an error message can quote this line.
     """
     contents = [_content(line, delimiter) for line in lines]
     # indices of the lines that are neither empty nor comments
@@ -308,7 +315,10 @@ def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
 
 
 def _content(line: str, delimiter: str | None) -> int | str | None:
-    """Return the number of numbers in a line; "text" if it contains other words, None if it is a comment or empty."""
+    """Count the numbers in a line.
+
+    The result is "text" for a line with other words, and None for a comment or an empty line.
+    """
     text = line.strip(" \r\n")
     if not text.strip() or _is_comment(text):
         return None
@@ -321,11 +331,11 @@ def _content(line: str, delimiter: str | None) -> int | str | None:
 
 
 def _is_faulty_row(line: str, delimiter: str | None, count: int) -> bool:
-    """Return whether the line above the table is a row of the table with an unknown word or with missing numbers.
+    """Return whether the line above a table is a faulty row of the table, with an unknown word or with missing numbers.
 
-    A line whose numbers increase in equal steps is not a row, but contains the coordinates of an axis.
+    A line whose numbers increase in equal steps is not a faulty row: such a line contains the coordinates of an axis.
 
-    count : number of numbers in each line below.
+    count : number of columns of the table.
     """
     text = line.strip(" \r\n")
     if delimiter is None:
@@ -342,7 +352,10 @@ def _is_faulty_row(line: str, delimiter: str | None, count: int) -> bool:
 
 
 def _is_comment(text: str) -> bool:
-    """Return whether a line is a comment. Words of spreadsheets such as "#n/a" do not begin a comment."""
+    """Return whether a line is a comment.
+
+    A line that begins with an error value of a spreadsheet, such as "#n/a", is not a comment.
+    """
     text = text.lstrip()
     if not text.startswith(COMMENT_MARKS):
         return False
@@ -379,7 +392,7 @@ def _find_delimiter(line: str) -> str | None:
 def _parse_value(line_number: int, text: str, original: str) -> float:
     """Convert a field to a number, or to NaN if it marks an undefined point; raise InputError for any other text.
 
-    original : the field as written in the file, for the message.
+    original : the field in the spelling of the file, for the message.
     """
     try:
         return float(text)

@@ -1,8 +1,9 @@
 """Read the header of a text with heights: pixel size, units, number of points and numbers that mark undefined points.
 
 A line of the header consists of a name and a value, and may begin with a comment mark. Examples are "# Width: 1 mm",
-"cellsize 2", "NODATA_value -9999" and '"XY Calibration","1.383","um"'. The names are those in files of Gwyddion, SPIP,
-Esri rasters, Keyence and Zygo. The last line may contain the names of the columns, such as "X [mm]; Y [mm]; Z [µm]".
+"cellsize 2", "NODATA_value -9999" and '"XY Calibration","1.383","um"'. The module knows the names that occur in files
+of Gwyddion, SPIP, Esri rasters, Keyence and Zygo. The last line may contain the names of the columns, such as "X [mm];
+Y [mm]; Z [µm]".
 """
 
 import csv
@@ -54,7 +55,7 @@ class Header:
     Parameters
     ----------
     sides : tuple of two float, optional
-        Sides of the map along x and y [m].
+        Sides of the map along x and y of the file [m].
     pixel : tuple of two float, optional
         Pixel size along x and y [m].
     unit : float, optional
@@ -68,9 +69,9 @@ class Header:
     columns : tuple of str
         Names of the columns in lower case.
     column_units : tuple of float or None
-        Unit of each column [m], None if the unit is unknown.
+        Unit of each column [m]; None for an unknown unit.
     unread : list of str
-        Lines about units or pixels that could not be interpreted.
+        Lines that mention units or pixels and could not be interpreted.
     """
 
     sides: tuple[float, float] | None = None
@@ -85,13 +86,13 @@ class Header:
 
     @property
     def unclear(self) -> str:
-        """Quotation of the first lines that could not be interpreted, for messages."""
+        """Quotation of the first lines in `unread`, for messages."""
         lines = [line[:_SHOWN_CHARACTERS] for line in self.unread[:_SHOWN_LINES]]
         return ", ".join(map(repr, lines))
 
 
 def meaning_of(line: str) -> str:
-    """Return the meaning of the name in a line of a header, as a key of `_MEANINGS`; "" if the name is unknown."""
+    """Return the key of `_MEANINGS` that the name in a line of a header belongs to; "" if the name is unknown."""
     name, _ = _name_and_value(line)
     return _MEANING_OF.get(name, "")
 
@@ -104,7 +105,7 @@ def read_header(lines: Sequence[str], columns: int) -> Header:
     lines : sequence of str
         Lines before the numbers, and comments between them.
     columns : int
-        Number of columns of the table.
+        Number of columns of the table of numbers below the header.
     """
     header = Header()
     entries: dict[str, str] = {}  # meaning: value
@@ -135,7 +136,11 @@ def read_header(lines: Sequence[str], columns: int) -> Header:
 def _read_lateral_lengths(
     header: Header, entries: dict[str, str], entry_lines: dict[str, str]
 ) -> None:
-    """Set the sides and the pixel size in a header from its entries."""
+    """Find the sides and the pixel size in the entries of a header, and store them in `header`.
+
+    entries : values in the header by their meaning, see `_MEANINGS`.
+    entry_lines : line of the header that contains each entry, by the meaning of the entry.
+    """
     lateral_unit = length_unit(entries.get("lateral unit", ""))
     header.sides = _two_lengths(entries, "side 1", "side 2", lateral_unit)
     if "pixel" in entries:
@@ -149,7 +154,10 @@ def _read_lateral_lengths(
 
 
 def _read_height_unit(header: Header, entries: dict[str, str], entry_lines: dict[str, str]) -> None:
-    """Set the unit of height in a header from its entries."""
+    """Find the unit of height in the entries of a header, and store the unit in `header`.
+
+    The arguments are the same as in `_read_lateral_lengths`.
+    """
     if "unit" in entries:
         header.unit = length_unit(entries["unit"])
         if header.unit is None:
@@ -169,7 +177,7 @@ def _without_marks(line: str) -> str:
 def _name_and_value(line: str) -> tuple[str, str]:
     """Split a line of the header into a name and a value.
 
-    The name is returned in lower case, with single blanks between its words. Both texts are empty if the line is empty.
+    The name is returned in lower case, with single blanks between its words. For an empty line, name and value are "".
     """
     text = _without_marks(line)
     parts = _split_at_delimiter(text)
@@ -184,7 +192,7 @@ def _name_and_value(line: str) -> tuple[str, str]:
 
 
 def _split_at_delimiter(text: str) -> list[str]:
-    """Split a line at its semicolons, tabs or commas; return a line without them as a single part."""
+    """Split a line at its semicolons, tabs or commas; a line without such delimiters is a single part."""
     for mark in DELIMITERS:
         if mark not in text:
             continue
@@ -202,8 +210,8 @@ def _two_lengths(
 ) -> tuple[float, float] | None:
     """Return two lengths [m] from the entries of a header; None unless both entries are lengths with known units.
 
-    first, second : meanings of the two lengths, which are keys of `entries`.
-    lateral_unit : unit of lengths that are written without a unit [m], None if the header does not state it.
+    first, second : keys in `entries` of the two lengths.
+    lateral_unit : unit [m] of lengths that are written without a unit; None if the header does not state this unit.
     """
     length1 = _parse_length(entries.get(first, ""), lateral_unit)
     length2 = _parse_length(entries.get(second, ""), lateral_unit)
@@ -213,9 +221,9 @@ def _two_lengths(
 
 
 def _parse_length(text: str, lateral_unit: float | None) -> float | None:
-    """Convert text to a length [m]; return None if it is not a length.
+    """Convert text to a length [m]; return None if the text is not a length.
 
-    lateral_unit : unit of a length that is written without a unit [m], None if it is unknown.
+    lateral_unit : unit [m] of a length that is written without a unit; None if this unit is unknown.
     """
     match = _LENGTH.fullmatch(text)
     if match is None:
@@ -227,8 +235,8 @@ def _parse_length(text: str, lateral_unit: float | None) -> float | None:
 def _read_zygo(header: Header, lines: Sequence[str]) -> None:
     """Set the units of an XYZ export of Zygo.
 
-    Its heights are in micrometres, and its coordinates count pixels. The pixel size [m] is the seventh number of the
-    eighth line; it is 0 if the camera is not calibrated.
+    An XYZ export of Zygo contains heights in micrometres, and the numbers of pixels as coordinates. The seventh number
+    of the eighth line is the pixel size [m], or 0 if the camera is not calibrated.
     """
     header.unit = 1e-6
     numbers = lines[7].split() if len(lines) > 7 else []

@@ -1,11 +1,14 @@
 """Evaluate the spectrum and the texture of a map: its shortest wave, power law, autocorrelation length and lay.
 
 Symbols: q angular wave number [rad/m], C isotropic spectral density [m⁴], H Hurst exponent, C ∝ q^(−2−2H). For a
-surface of parallel grooves, C is the average over all directions. This average falls with the same exponent as the
-density of an isotropic surface with the same H. Sal is the distance over which the autocorrelation decays to 0.2 in the
-direction of fastest decay. Str is the ratio of Sal to the corresponding distance in the direction of slowest decay. Std
-is the direction of the lay. Sources: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2
-(Sal, Str, Std).
+surface of parallel grooves, C is the spectral density averaged over all directions; with the Hurst exponent H of the
+grooves, the average is proportional to q^(−2−2H) as well.
+
+The autocorrelation length Sal is the distance over which the autocorrelation decays to 0.2 in the direction of fastest
+decay. The texture aspect ratio Str is the ratio of Sal to the distance over which the autocorrelation decays to 0.2 in
+the direction of slowest decay. Std is the direction of the lay.
+
+Sources: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001; ISO 25178-2 (Sal, Str, Std).
 """
 
 from __future__ import annotations
@@ -71,9 +74,9 @@ class PowerLaw:
     hurst, hurst_error : float
         Hurst exponent H and its standard error [-].
     longest, shortest : float
-        Longest and shortest wavelength at which the law is valid [m].
+        Longest and shortest wavelength [m] of the range in which the power law is valid.
     density : float
-        C at the longest wave [m⁴].
+        Spectral density C [m⁴] at the wavelength `longest`.
     roll_off : float
         Wavelength above which the spectrum has a plateau [m], equal to `longest`; NaN without a plateau.
     """
@@ -104,16 +107,16 @@ NO_LAW = PowerLaw(nan, nan, nan, nan, nan, nan)
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Hold the summary of a spectrum.
+    """Hold the shortest measured wave, the noise and the power law of a spectrum.
 
     Parameters
     ----------
     shortest_wave : float
-        Shortest wave that was measured [m].
+        Shortest measured wave [m], see `spectrum`.
     noise : float
-        Rms height of white noise over all waves [m].
+        Rms height [m] of the white noise in the map.
     law : PowerLaw, optional
-        The power law, if there is one.
+        Power law of the spectrum; None if the spectrum does not follow a power law.
     """
 
     shortest_wave: float
@@ -122,12 +125,15 @@ class Spectrum:
 
 
 def spectrum(topography: Surface) -> Spectrum:
-    """Summarise the spectral density of a map without its form and without undefined points.
+    """Find the shortest measured wave, the noise and the power law of a map without form and undefined points.
 
-    The shortest wave that was measured is the longest of three wavelengths: two pixels of the larger spacing; if the
-    spectrum ends with white noise, the wavelength at which C is four times the noise; and the wavelength below which C
-    is less than a tenth of the power law. The last two are limits of the instrument. For several patches, the result
-    describes the patch whose shortest measured wave is the longest.
+    Three limits of the shortest measured wave are determined, and the largest limit counts. The grid limits the
+    shortest measured wave to two pixels of the larger spacing. If the spectrum ends with white noise, the noise limits
+    the shortest measured wave to the wavelength at which C is four times the density of the noise. If the spectrum
+    follows a power law, the instrument limits the shortest measured wave to the wavelength below which C is less than a
+    tenth of the power law.
+
+    For several patches, the spectrum of one patch is returned: the patch whose shortest measured wave is the longest.
     """
     if not isinstance(topography, Topography):
         summaries = [spectrum(patch) for patch in topography.patches]
@@ -162,11 +168,11 @@ def spectrum(topography: Surface) -> Spectrum:
 
 
 def _last_signal(q: NDArray, is_signal: Flags, nyquist: float) -> float:
-    """Return the largest wave number of the waves that stand out of the noise [rad/m].
+    """Return the largest wave number [rad/m] at which the spectral density clearly exceeds the noise.
 
-    q : increasing wave numbers (rings,) [rad/m].
-    is_signal : whether the waves of each ring stand out of the noise, (rings,).
-    nyquist : largest wave number of the grid [rad/m], which is returned if the waves of the last ring stand out.
+    q : wave numbers of the rings in rising order, (rings,) [rad/m].
+    is_signal : whether the spectral density of each ring clearly exceeds the noise, (rings,).
+    nyquist : largest wave number of the grid [rad/m], which is returned if the last ring exceeds the noise.
     """
     if not is_signal.any():
         last = q[0]  # a map of pure noise has no measured waves; its longest wave is taken
@@ -178,7 +184,8 @@ def _last_signal(q: NDArray, is_signal: Flags, nyquist: float) -> float:
 def _noise_floor(q: NDArray, density: NDArray, nyquist: float) -> float:
     """Return the spectral density of white noise [m⁴].
 
-    If the end of the spectrum is flat, its level is that of the noise. Otherwise the noise counts as 0.
+    If the spectral density is constant near the Nyquist wave number, this constant is the spectral density of the
+    noise. If the spectral density falls up to the Nyquist wave number, the noise counts as 0.
 
     q : wave numbers (rings,) [rad/m].
     density : spectral density at the wave numbers (rings,) [m⁴].
@@ -200,7 +207,7 @@ class _Bins:
 
     Attributes
     ----------
-    x, y : arrays (bins,), log10 of the wave number [rad/m] and of the density [m⁴].
+    x, y : arrays (bins,), log10 of the wave number [rad/m] and log10 of the spectral density [m⁴].
     variance : array (bins,), variance of y due to the finite number of waves in a bin and to the noise.
     """
 
@@ -210,23 +217,24 @@ class _Bins:
 
     @property
     def weight(self) -> Array:
-        """Weights (bins,) of a least-squares fit of y."""
+        """Weight of each bin in a least-squares fit of y, (bins,)."""
         return 1 / (self.variance + _MODEL_SCATTER**2)
 
     def part(self, first: int, last: int) -> _Bins:
-        """Return the bins from the first to the last, both included."""
+        """Return the bins from index `first` to index `last`, including the bin `last`."""
         bins = slice(first, last + 1)
         return _Bins(self.x[bins], self.y[bins], self.variance[bins])
 
 
 def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Topography) -> _Bins:
-    """Subtract the level `floor` of white noise from a radial density, and average the difference in bins.
+    """Subtract the spectral density `floor` of white noise from a radial spectrum, and average the result in bins.
 
-    Only densities above the noise level are used.
+    Only rings with a spectral density above `floor` are used.
 
     For a map of area A, a ring of radius q and width w contains A q w/2π wave vectors, and half as many independent
-    waves, because a wave and its conjugate are the same wave. The spectral density of a wave of a Gaussian surface is
-    exponentially distributed, so that the mean over n independent waves has a relative standard deviation of 1/√n.
+    waves, because a wave and its conjugate are the same wave. On a Gaussian surface, the squared amplitude of a wave is
+    exponentially distributed. Therefore, the mean of the spectral density over n independent waves has a relative
+    standard deviation of 1/√n.
     """
     is_used = density > floor
     q = q[is_used]
@@ -260,9 +268,9 @@ def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Top
 def _fit(bins: _Bins) -> PowerLaw | None:
     """Fit the power law whose exponent has the smallest standard error; return None if no power law is valid.
 
-    A power law without a plateau is fitted to every range of bins. A plateau followed by a power law is fitted to every
-    range that begins with the longest waves. A law with a plateau may have a somewhat larger error, because the end of
-    the plateau is a third unknown.
+    A power law without a plateau is fitted to every range of successive bins. A power law with a plateau is fitted to
+    every range that begins with the longest waves. A power law with a plateau may have a standard error that is larger
+    by the factor `_PREFER_PLATEAU`, because its fit has an additional unknown, the end of the plateau.
     """
     straight = [
         _fit_straight(bins.part(first, last))
@@ -288,7 +296,8 @@ def _fit_straight(bins: _Bins) -> PowerLaw | None:
 def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
     """Fit a plateau followed by a power law to all bins; return None if the fit is not valid.
 
-    The end of the plateau is chosen so that the weighted sum of squared deviations is smallest.
+    The end of the plateau is chosen so that the weighted sum of the squared deviations of all bins from the fit is
+    smallest.
     """
     x, weight = bins.x, bins.weight
     # values of log10 q that are tried for the end of the plateau
@@ -309,11 +318,13 @@ def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
 
 
 def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None:
-    """Fit y = level + slope · max(x − bend, 0) by weighted least squares; return None if the fit is not valid.
+    """Fit y = level + slope · max(x − bend, 0) to the bins by least squares; return None if the fit is not valid.
 
-    The bend is the end of the plateau, or the first bin if there is no plateau. With a plateau, the standard error of
-    the slope includes the uncertainty of the bend. If the deviations from the fit are larger than the variances of the
-    bins explain, the standard error is increased accordingly.
+    Here x and y are log10 of wave number and spectral density, `level` and `slope` are unknown, and `bend` is given:
+    the x at which the plateau ends, or the x of the first bin if the spectrum has no plateau. The position of the end
+    of a plateau is uncertain, and this uncertainty is included in the standard error of the slope. If the deviations
+    from the fit are larger than expected from the variances of the bins, the standard error is increased by the same
+    ratio.
     """
     beyond_bend = np.maximum(bins.x - bend, 0.0)
     weight = bins.weight
@@ -365,10 +376,10 @@ class Texture:
     aspect_ratio : float
         Texture aspect ratio Str [-].
     aspect_ratio_is_bound : bool
-        Whether `aspect_ratio` is only an upper bound.
+        Whether `aspect_ratio` is only an upper bound of Str.
     lay_direction : float
         Direction Std of the lay [rad]: its angle from x2, in (−π/2, π/2] and positive in the sense from x1 towards x2.
-        NaN if the surface has no lay.
+        The direction is NaN if the surface has no lay.
     """
 
     correlation_length: float
@@ -378,13 +389,13 @@ class Texture:
 
 
 def texture(topography: Topography) -> Texture:
-    """Evaluate the texture of a map without its form and without undefined points.
+    """Compute the texture parameters of a map without its form and without undefined points.
 
-    Sal is the distance over which the autocorrelation falls to 0.2 in the direction in which it falls fastest. Str is
-    the ratio of Sal to the longest such distance in any direction. If the autocorrelation does not fall to 0.2 within
-    the map, the size of the map takes the place of the longest distance, and Str is an upper bound. Std is the
-    direction, rounded to a degree, in which the mean autocorrelation is largest; it is NaN if Str > 0.5. All values are
-    NaN if the map is flat or a single row.
+    Sal is the distance over which the autocorrelation falls to 0.2 in the direction of fastest decay. Str is the ratio
+    of Sal to the distance over which the autocorrelation falls to 0.2 in the direction of slowest decay. If the
+    autocorrelation does not fall to 0.2 within the map in some direction, Str is computed with the size of the map in
+    this direction, and is an upper bound. Std is the direction, rounded to a degree, in which the mean autocorrelation
+    is largest; Std is NaN if Str > 0.5. All parameters are NaN for a flat map and for a map with a single row.
     """
     if topography.rms_height == 0 or min(topography.shape) < 2:
         return Texture(nan, nan, False, nan)
@@ -411,8 +422,8 @@ class _DirectionalCorrelation(NamedTuple):
     """Hold the autocorrelation of a map in the directions `_ANGLES`.
 
     distance : distances from the middle at which it is evaluated, equally spaced from 0 on, (distance,) [m].
-    border : distance from the middle to the border of the map in each direction, (angle,) [m].
-    correlation : autocorrelation, (angle, distance). Values beyond the border are meaningless.
+    border : distance from lag 0 to the largest lag of the autocorrelation in each direction, (angle,) [m].
+    correlation : autocorrelation, (angle, distance). Values at distances larger than `border` have no meaning.
     """
 
     distance: Array
@@ -439,13 +450,13 @@ def _correlation_by_direction(topography: Topography) -> _DirectionalCorrelation
 def autocorrelation(topography: Topography) -> Array:
     """Return the autocorrelation of a map, as the mean over all pairs of points with the same lag.
 
-    No assumption is made about the surface beyond the borders of the map.
+    All points of a pair lie inside the map, so that no assumption about the surface beyond its borders is needed.
 
     Returns
     -------
     array, (2 m1 + 1, 2 m2 + 1)
-        Autocorrelation at lags of −m to m pixels with m = n // 2 along each axis. The value in the middle, at lag 0, is
-        1.
+        Autocorrelation at lags of −m to m pixels with m = n // 2 along each axis. The autocorrelation at lag 0, in the
+        middle of the array, is 1.
     """
     z = topography.heights - topography.heights.mean()
     n1, n2 = topography.shape

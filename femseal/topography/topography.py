@@ -1,12 +1,13 @@
-"""Define a map of heights, with its properties and operations, and the waves that it consists of.
+"""Define a map of heights with its properties and operations, and decompose maps into waves.
 
 Conventions: x1 = axis 0 is the leakage direction, x2 = axis 1 runs along the seal. Heights are sampled at pixel
 centres; pixel (i, j) covers [iΔ1, (i+1)Δ1] × [jΔ2, (j+1)Δ2]. All values are in SI.
 
-Waves: along a periodic axis the map is a Fourier series. Along any other axis the map continues as its mirror image;
-for cell-centred samples, this means the cosine transform DCT-II of the n points. Along a periodic axis of length L,
-wave k is exp(i q x) with q = 2πk/L and k = −n/2 … n/2. Along a mirrored axis, wave k is cos(q x) with q = πk/L and k =
-0 … n−1. In both cases x = 0 is the edge of the first pixel.
+Along a periodic axis, a map is decomposed into a Fourier series. Along a mirrored axis (any axis that is not periodic),
+the map continues as its mirror image; the decomposition of samples at pixel centres is then the cosine transform
+DCT-II. Along a periodic axis of length L with n points, wave k is exp(i q x) with q = 2πk/L and k = −n/2 … n/2. Along a
+mirrored axis, wave k is cos(q x) with q = πk/L and k = 0 … n−1. On periodic and on mirrored axes, x = 0 is the edge of
+the first pixel.
 
 Symbols: z heights (n1, n2) [m], d spacing [m], q angular wave number [rad/m], Sq rms height about the mean [m],
 C spectral density. Sources of the definitions: ISO 25178-2 (Sq); Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop.
@@ -49,7 +50,7 @@ SLACK = 1e-9
 def wave_powers(z: NDArray, periodic: Periodic) -> NDArray:
     """Return the contribution of each wave to the mean square of the heights `z`, (n1, n2) [m²].
 
-    The sum of all contributions is the mean square (Parseval's theorem).
+    The contributions of all waves add up to the mean square of `z` (Parseval's theorem).
     """
     _, wrapped = _mirrored_and_periodic_axes(periodic)
     half = half_spectrum(z, periodic)
@@ -80,10 +81,11 @@ def wave_powers(z: NDArray, periodic: Periodic) -> NDArray:
 
 
 def half_spectrum(z: NDArray, periodic: Periodic) -> NDArray[Any]:
-    """Return the coefficients of the waves of `z` by an orthonormal transform.
+    """Compute the coefficients of the waves of `z` by an orthonormal transform.
 
-    Along the last periodic axis, the result contains only waves with numbers k >= 0, to save memory. The waves with
-    negative numbers are their conjugates. `half_multiplicity` counts the waves that each coefficient represents.
+    Along the last periodic axis, the result contains only the waves k >= 0, to save memory: the coefficient of wave −k
+    is the complex conjugate of the coefficient of wave k. `half_multiplicity` counts how many waves (k, or k and −k)
+    each coefficient represents.
     """
     mirrored, wrapped = _mirrored_and_periodic_axes(periodic)
     coefficients = scipy.fft.dctn(z, axes=mirrored, norm="ortho") if mirrored else z
@@ -91,10 +93,10 @@ def half_spectrum(z: NDArray, periodic: Periodic) -> NDArray[Any]:
 
 
 def half_multiplicity(shape: Shape, periodic: Periodic) -> tuple[NDArray, NDArray]:
-    """Return how many waves of the full spectrum the coefficients of a `half_spectrum` represent.
+    """Count how many waves of the full spectrum each coefficient of a `half_spectrum` represents.
 
-    The number for a coefficient is 1 or 2. It is the product of a factor for its row and a factor for its column; the
-    factors of all rows and of all columns are returned.
+    The coefficient in row i and column j represents rows[i] · columns[j] waves, which is 1 or 2. The arrays `rows` and
+    `columns` are returned.
     """
     _, wrapped = _mirrored_and_periodic_axes(periodic)
     rows, columns = np.ones(shape[0]), np.ones(shape[1])
@@ -113,7 +115,7 @@ def half_multiplicity(shape: Shape, periodic: Periodic) -> tuple[NDArray, NDArra
 
 
 def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
-    """Return the wave numbers along an axis in the order of the transform (n,) [rad/m]; signed on a periodic axis."""
+    """Return the wave numbers along an axis, (n,) [rad/m], in the order of the transform; signed if periodic."""
     if periodic:
         return 2 * np.pi * scipy.fft.fftfreq(n, d)
     return np.pi * np.arange(n) / (n * d)
@@ -148,9 +150,9 @@ def truncate(z: NDArray, spacing: Pair, periodic: Periodic, limit: float) -> NDA
 def resample_axis(z: NDArray, n: int, axis: int, periodic: bool) -> NDArray:
     """Interpolate `z` at the centres of `n` pixels along an axis, without waves that are too short for these pixels.
 
-    The result is exact for band-limited data. If the number of points changes from m to n, the centre of the first
-    pixel moves from d_m/2 to d_n/2, where d is the spacing; therefore the phase of coefficient k changes by πk(1/n −
-    1/m).
+    The interpolation is exact for band-limited data. If the number of points along the axis changes from m to n, the
+    spacing changes from d_m to d_n, and the centre of the first pixel moves from d_m/2 to d_n/2. This shift changes the
+    phase of coefficient k by πk(1/n − 1/m).
     """
     m = z.shape[axis]
     if m == n:
@@ -178,9 +180,9 @@ def _mirrored_and_periodic_axes(periodic: Periodic) -> tuple[list[int], list[int
 class Topography(Plotted):
     """Hold heights on a regular grid.
 
-    Along a periodic axis the map repeats itself; along any other axis it continues as its mirror image. All spectral
-    quantities and operations are based on this. Most operations raise InputError if the map has undefined points, which
-    must be filled first.
+    Along a periodic axis, the map repeats itself; along any other axis, the map continues as its mirror image. Spectral
+    quantities, filters and interpolations assume that the map continues in this way. Most operations raise InputError
+    if the map has undefined points, which must be filled first.
 
     Parameters
     ----------
@@ -194,7 +196,8 @@ class Topography(Plotted):
     Raises
     ------
     InputError
-        The heights are not two-dimensional, empty, complex or infinite; or the spacing is not two finite numbers > 0.
+        The heights are not two-dimensional, or are empty, complex or infinite. The spacing is not two finite numbers >
+        0.
 
     Examples
     --------
@@ -226,7 +229,7 @@ class Topography(Plotted):
 
     @property
     def patches(self) -> tuple[Topography, ...]:
-        """The measured patches of the surface, see `Patches`. A single map is a surface with one patch."""
+        """Measured patches of the surface, see `Patches`. A single map is a surface with one patch."""
         return (self,)
 
     @property
@@ -236,7 +239,7 @@ class Topography(Plotted):
 
     @property
     def shortest_patch(self) -> Topography:
-        """The measured patch that is shortest along x2, which is this map."""
+        """This map itself, which is the shortest measured patch of a surface with one patch."""
         return self
 
     @property
@@ -246,10 +249,10 @@ class Topography(Plotted):
 
     @property
     def seamless(self) -> Periodic:
-        """Whether the map is periodic along each axis and has no step where it repeats itself.
+        """Whether the map is periodic along each axis and has no step between its last and its first line.
 
-        A measured map has such a step even if it was declared periodic. A periodic map also has a step after a plane
-        was subtracted from it, because a plane is not periodic.
+        A measured map has a step between its last and its first line even if the map was declared periodic. Subtracting
+        a plane from a periodic map also leaves such a step, because a plane is not periodic.
         """
         return self._is_seamless(0), self._is_seamless(1)
 
@@ -268,20 +271,22 @@ class Topography(Plotted):
 
     @property
     def rms_height(self) -> float:
-        """Rms height Sq about the mean [m]."""
+        """Rms height Sq [m], with heights measured from their mean."""
         return float(self._defined("rms_height").std())
 
     @cached_property
     def rms_slopes(self) -> Pair:
         """Rms of ∂z/∂x1 and of ∂z/∂x2 [-].
 
-        Each is √(Σ q_i² |c|²) over the waves of the map with the coefficients c (Parseval's theorem), which is exact
-        for band-limited data. Along an axis that is not periodic the map is mirrored, so that its tilt is included.
+        The rms slope along axis i is √(Σ q_i² |c|²), where the sum is over all waves of the map, q_i is the wave number
+        along axis i, and c is the coefficient of the wave (Parseval's theorem). The rms slopes are exact for
+        band-limited data. Along an axis that is not periodic, the map continues as its mirror image, so that its tilt
+        contributes to the rms slope.
         """
         return self._rms_slopes(inf)
 
     def rms_slope_of_long_waves(self, wavelength: float) -> float:
-        """Return the rms of the slope |∇z| [-] of the waves that `low_pass` keeps, without low-passing the map."""
+        """Return the rms of the slope |∇z| [-] of all waves at least as long as `wavelength` [m]."""
         return float(np.hypot(*self._rms_slopes(2 * np.pi / wavelength)))
 
     def _rms_slopes(self, limit: float) -> Pair:
@@ -308,9 +313,9 @@ class Topography(Plotted):
         return float(np.hypot(*self.rms_slopes))
 
     def detrend(self, order: int | None = 1) -> Topography:
-        """Subtract the least-squares form of the map, see `form`.
+        """Subtract the form of the map, which is fitted by least squares; see `form`.
 
-        Undefined points are ignored in the fit and stay undefined.
+        The fit ignores undefined points, and undefined points remain undefined.
 
         Raises
         ------
@@ -323,9 +328,9 @@ class Topography(Plotted):
     def form(self, order: int | None = None) -> Form:
         """Fit the mean (order 0), mean and tilt (1), or mean, tilt and curvature (2) to the defined points.
 
-        A periodic map has no tilt. A plane that is fitted to such a map only follows its long waves, and subtracting
-        the plane would leave a step where the map repeats itself. If the order is None, the tilt is therefore fitted
-        only along axes along which the map is not `seamless`. The mean is always fitted.
+        A map without a step at its borders has no tilt: a fitted plane would only follow the long waves of the map, and
+        subtracting the plane would leave a step where the map repeats itself. If the order is None, the function
+        therefore fits the mean, and the tilt along all axes along which the map is not `seamless`.
 
         Raises
         ------
@@ -355,7 +360,7 @@ class Topography(Plotted):
         return self._with_new(truncate(heights, self.spacing, self.periodic, limit))
 
     def high_pass(self, wavelength: float) -> Topography:
-        """Remove the waves that `low_pass` keeps."""
+        """Remove the waves with |q| <= 2π/`wavelength`, in any direction, by truncation in Fourier space."""
         return self.with_heights(self._defined("high_pass") - self.low_pass(wavelength).heights)
 
     def resample(self, shape: Shape) -> Topography:
@@ -384,13 +389,13 @@ class Topography(Plotted):
         return Topography(z, spacing, self.periodic)
 
     def without_spikes(self, threshold: float = SPIKES) -> Topography:
-        """Mark spikes as undefined points, see `femseal.topography.defects`.
+        """Replace spikes by undefined points (NaN), see `femseal.topography.defects`.
 
         Parameters
         ----------
         threshold : float
             An isolated point is a spike if it deviates from its surroundings by more than this many robust standard
-            deviations. If infinite, no point is a spike.
+            deviations. If the threshold is infinite, no point is a spike.
 
         Raises
         ------
@@ -413,7 +418,7 @@ class Topography(Plotted):
         Raises
         ------
         InputError
-            More than this fraction of the points is undefined, or no point is defined.
+            The fraction of undefined points exceeds `max_share`, or no point is defined.
         """
         fraction = self.undefined_fraction
         limit = validate.number("max_share", max_share, inclusive=True)
@@ -429,7 +434,7 @@ class Topography(Plotted):
         return self._with_new(fill_holes(self.heights, self.spacing, self.periodic))
 
     def crop(self, shape: Shape, start: Shape = (0, 0)) -> Topography:
-        """Cut out a part of the map. If points are cut off along an axis, the part is not periodic along this axis.
+        """Cut out a part of the map. Along an axis that is shortened, the part is not periodic.
 
         Parameters
         ----------
@@ -441,7 +446,7 @@ class Topography(Plotted):
         Raises
         ------
         InputError
-            The part reaches beyond the map.
+            The part extends beyond the borders of the map.
         """
         rows, columns = validate.grid("shape", shape)
         row, column = validate.grid("start", start, minimum=0)
@@ -456,7 +461,7 @@ class Topography(Plotted):
         return Topography(part, self.spacing, periodic)
 
     def crop_to(self, part: tuple[float, float, float, float]) -> Topography:
-        """Cut out the part of the map between given positions, which are rounded to whole pixels; see `crop`.
+        """Cut out the part of the map between given positions, which are rounded to whole pixels. See `crop`.
 
         Parameters
         ----------
@@ -466,7 +471,7 @@ class Topography(Plotted):
         Raises
         ------
         InputError
-            There are not four lengths, or the part contains no pixel or reaches beyond the map.
+            `part` does not consist of four lengths, contains no pixel, or extends beyond the borders of the map.
         """
         try:
             begin1, end1, begin2, end2 = (
@@ -480,11 +485,11 @@ class Topography(Plotted):
             raise InputError("crop", f"{part} m", expected) from None
 
     def flip(self, axis: int) -> Topography:
-        """Reverse the map along an axis. The upper of two faces must be reversed before both are added."""
+        """Reverse the map along an axis, as needed for the upper of two faces before the two faces are added."""
         return self.with_heights(np.flip(self.heights, validate.axis_number(axis)))
 
     def __add__(self, other: Topography) -> Topography:
-        """Add two faces on the same grid. The sum is periodic along the axes along which both faces are periodic.
+        """Add two faces on the same grid. The sum is periodic along an axis if both faces are periodic along this axis.
 
         Raises
         ------
@@ -504,7 +509,7 @@ class Topography(Plotted):
         return Topography(heights, self.spacing, periodic)
 
     def with_form(self, profile: NDArray) -> Topography:
-        """Add a profile along x1 (n1,) [m] to the heights. The result is not periodic along x1."""
+        """Return a map with a profile along x1, (n1,) [m], added to the heights; the map is not periodic along x1."""
         return Topography(self.heights + profile[:, None], self.spacing, (False, self.periodic[1]))
 
     def gap(self) -> Array:
@@ -516,13 +521,14 @@ class Topography(Plotted):
         """Return the spectral density of the profiles along an axis, averaged over all profiles.
 
         The density is two-sided, C(q) = C(−q), and is given for q >= 0. The mean square height Sq² is the integral of
-        C/2π over all q, which equals the sum of C Δq/π over q >= 0, if q = 0 has half the weight. C(0) contains the
-        variance of the means of the profiles. Δq is 2π/L on a periodic axis and π/L on a mirrored axis.
+        C/2π over all q, which equals the sum of C Δq/π over q >= 0, if q = 0 has half the weight. C(0) represents the
+        variance of the mean heights of the profiles. Δq is 2π/L on a periodic axis and π/L on a mirrored axis.
 
         Returns
         -------
         q : array, (waves,)
-            Wave numbers [rad/m]. There are n//2 + 1 of them on a periodic axis, and n on a mirrored axis.
+            Wave numbers [rad/m]. An axis with n points has n//2 + 1 wave numbers if it is periodic, and n wave numbers
+            otherwise.
         C : array, (waves,)
             Spectral density [m³].
         """
@@ -543,14 +549,14 @@ class Topography(Plotted):
         """Return the two-dimensional spectral density, averaged over all directions of the wave vector.
 
         The mean square height Sq² is the integral of C2D/4π² over the plane of wave vectors. The density is averaged in
-        rings of |q|, which are as wide as the larger step between wave numbers. Where a ring lies partly beyond the
-        Nyquist wave number of an axis, the average is over the part that the grid can represent. Rings without waves
-        are left out.
+        rings of |q|. Each ring is as wide as the larger of the two steps between wave numbers, along x1 and along x2.
+        If a part of a ring lies beyond the Nyquist wave number of an axis, only the other part of the ring contributes
+        to the average. Rings without waves are left out.
 
         Returns
         -------
         q : array, (rings,)
-            Mean |q| in each ring [rad/m].
+            Mean wave number |q| of the waves in each ring [rad/m].
         C2D : array, (rings,)
             Spectral density [m⁴].
         """
@@ -603,11 +609,14 @@ class Topography(Plotted):
         return wave_powers(z - z.mean(), self.periodic)
 
     def with_heights(self, heights: NDArray) -> Topography:
-        """Return a map with other heights at the same points."""
+        """Return a map on the same points with the given heights, (n1, n2) [m]."""
         return Topography(heights, self.spacing, self.periodic)
 
     def _with_new(self, heights: NDArray) -> Topography:
-        """Return a map with the given heights. The array is not copied, because nothing else uses it."""
+        """Return a map on the same points with the given heights, without copying the array.
+
+        The array becomes read-only, so the caller must not use it for anything else.
+        """
         heights.flags.writeable = False
         return self.with_heights(heights)
 

@@ -4,9 +4,10 @@ Shorter waves: the power law of the measured spectrum is continued with random p
 at a wave vector q, L1 and L2 sides of the map. A wave and its conjugate have the amplitude √(C/L1 L2) each, so that
 Sq² = (1/4π²)∫C d²q. Source: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001 (densities, slope).
 
-Longer waves: the longest wavelength of the surface is estimated, and also the number of these waves in the patch. If
-the spectrum has a plateau, the longest wave is the roll-off wavelength. Otherwise it is Sal/0.27, because Sal is 0.25
-to 0.30 of the roll-off wavelength on self-affine patches that contain 3 to 5 waves of this length.
+Longer waves: the longest wavelength of the surface is estimated, and the number of waves of this length in the patch.
+If the spectrum has a plateau, the longest wavelength is the roll-off wavelength. If the spectrum has no plateau, the
+longest wavelength is estimated as Sal/0.27: on self-affine patches that contain 3 to 5 waves of the roll-off
+wavelength, Sal is 0.25 to 0.30 of the roll-off wavelength.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class Continuation:
     law : PowerLaw
         Power law of the measured spectrum.
     longest, cut_off : float
-        Longest and shortest wave that is added [m].
+        Longest and shortest wavelength [m] of the added waves.
     rms_slope : float
         Rms slope of the measured waves down to `longest` [-].
     periodic : tuple of two bool
@@ -52,10 +53,11 @@ class Continuation:
     seed: tuple[int, ...]
 
     def add_to(self, face: Surface, realisation: int = 0, *, factor: float = 1.0) -> Surface:
-        """Add these waves to a surface, as far as its pixels can resolve them.
+        """Add all waves of the continued spectrum that are at least two pixels long to a surface.
 
-        The same seed and realisation give the same waves on every grid. Along an axis that is not periodic, the waves
-        are symmetric about both borders, because the map continues there as its mirror image.
+        The same seed and the same realisation give the same waves on every grid. Along an axis that is not periodic,
+        the waves are symmetric about the borders of the map, because the map continues as its mirror image beyond a
+        border.
 
         Parameters
         ----------
@@ -81,10 +83,10 @@ class Continuation:
     def _waves_on(
         self, patch: Topography, exponent_change: float, rng: np.random.Generator
     ) -> NDArray:
-        """Return the heights (n1, n2) [m] of the waves on a patch.
+        """Return the heights of the added waves on a patch, (n1, n2) [m].
 
-        exponent_change : change of the exponent of the power law. The density in the middle of the range of the power
-        law stays the same.
+        exponent_change : change of the exponent of the power law. The change tilts the power law about the middle of
+        its range of wave numbers, where the spectral density remains the same.
         """
         # along an axis that is not periodic, the map and its mirror image form one period
         n1, n2 = (
@@ -112,11 +114,12 @@ class Continuation:
         return sqrt(self.rms_slope**2 + self.law.slope_power(self.longest, wave))
 
     def shortest_relevant_wave(self, hardness: float, modulus: float) -> float:
-        """Return the wavelength [m] below which waves do not change the contact area; 0 if all waves change it.
+        """Return the wavelength [m] below which waves do not change the contact area; 0 if there is no such wavelength.
 
-        By Persson's theory, the mean pressure in the contact is E*h'/2, with the rms slope h' of the waves. Including
-        shorter and shorter waves raises this pressure until it reaches the hardness. Still shorter waves are flattened
-        plastically.
+        By Persson's theory, the mean pressure in the contact is E*h'/2, with the contact modulus E* and the rms slope
+        h' of the waves. The rms slope, and with it the mean pressure, increases when shorter waves are included. At a
+        certain wavelength, the mean pressure reaches the hardness; shorter waves are flattened plastically and do not
+        change the contact area.
 
         Parameters
         ----------
@@ -159,11 +162,11 @@ def continuation_of(
     Parameters
     ----------
     flat : Topography or Patches
-        The surface as measured, without its form and without undefined points.
+        The surface with all measured waves, without its form and without undefined points.
     cut_off : float
         Shortest wave [m].
     longest : float, optional
-        Wavelength below which measured waves are replaced [m]. Default: the shortest wave of the power law.
+        Wavelength [m]; shorter measured waves are replaced. Default: the shortest wavelength of the power law.
     rng : int or sequence of int
         Seed of the phases.
 
@@ -198,7 +201,7 @@ def continue_spectrum(
     """Add the waves that the instrument could not resolve to a surface, on a finer grid.
 
     The power law of the spectrum (see `describe_surface`) is continued below its shortest wave, isotropically and with
-    random phases. Measured waves below this wavelength are removed.
+    random phases. Measured waves shorter than the shortest wave of the power law are removed.
 
     Parameters
     ----------
@@ -207,7 +210,8 @@ def continue_spectrum(
     cut_off : float
         Shortest wave [m].
     shape : tuple of two int, optional
-        Number of points of the grid. Default: 8 pixels per shortest wave.
+        Number of points of the finer grid. Default: the number of points with which the wavelength `cut_off` has 8
+        pixels.
     rng : int or sequence of int
         Seed of the phases.
     realisation : int
@@ -222,8 +226,8 @@ def continue_spectrum(
     Raises
     ------
     InputError
-        The spectrum does not follow a power law, all waves down to the cut-off were measured, or the grid has fewer
-        than 8 pixels per shortest wave.
+        The spectrum does not follow a power law. All waves down to the wavelength `cut_off` were measured. The grid has
+        fewer than 8 pixels for the wavelength `cut_off`.
 
     Examples
     --------
@@ -263,14 +267,16 @@ class Representative:
     roll_off : float, optional
         Wavelength where the plateau of the spectrum ends [m], None without a plateau.
     waves : tuple of two float
-        Number of periods of the longest wave in the patch along x1 and x2.
+        Number of longest waves that fit into the patch along x1 and along x2.
     rises : bool
-        Whether the spectrum rises up to the size of the patch, so that longer waves are to be expected.
+        Whether the spectral density still increases up to waves as long as the patch, so that longer waves are to be
+        expected.
     octave, density : float
         Wavelength in the middle of the octave of the longest waves [m], and mean spectral density in this octave [m⁴].
     hurst : float
-        Hurst exponent of the power law through this octave and the next one, limited to the range 0 to 1. If the
-        spectrum rises, this power law is its continuation to longer waves.
+        Hurst exponent of a power law through the mean densities of the octave of the longest waves and of the next
+        octave, limited to the range 0 to 1. If the spectrum rises, this power law continues the spectrum to longer
+        waves.
     """
 
     longest: float
@@ -283,7 +289,10 @@ class Representative:
 
     @property
     def is_enough(self) -> bool:
-        """Whether the patch represents a larger surface, as it is flat or contains several of its longest waves."""
+        """Whether the patch is large enough to represent the whole surface.
+
+        A patch is large enough if it contains several of the longest waves of the surface, or if the surface is flat.
+        """
         has_few_waves = min(self.waves) < LEAST_WAVES
         return not has_few_waves and not self.rises
 
@@ -299,7 +308,7 @@ class Representative:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings for the user if another patch of the surface may leak differently; empty otherwise."""
+        """Warnings for the user if another patch of the same surface may leak more or less; empty otherwise."""
         if self.is_enough:
             return []
         return [
@@ -311,10 +320,10 @@ class Representative:
 def representative(patch: Surface) -> Representative:
     """Estimate the longest waves of a surface, and how many of them a patch contains.
 
-    The surface must be without its form and without undefined points. For several patches, the result describes the
-    patch that contains the fewest of its longest waves. A narrow patch may have no waves in the octave of the longest
-    waves or in the next octave. In this case its spectrum does not count as rising, and the density and the wavelength
-    of an empty octave are NaN.
+    The form must have been subtracted from the surface, and all points must be defined. For several patches, one patch
+    is described: the patch that contains the fewest of its longest waves. A narrow patch may have no waves in the
+    octave of the longest waves or in the next octave. The spectrum of such a patch does not count as rising, and the
+    density and the wavelength of an octave without waves are NaN.
     """
     if not isinstance(patch, Topography):
         descriptions = [representative(single) for single in patch.patches]
