@@ -166,7 +166,7 @@ def run(
 
 
 def _print_first(kind: str, texts: Sequence[str], folder: Path) -> None:
-    """Print the first warnings or failures of a run, and say where the others are."""
+    """Print the first warnings or failures of a run, and say where all warnings or failures are listed."""
     for text in texts[:_MOST_PRINTED]:
         typer.echo(f"{kind}: {text}", err=True)
     n_more = len(texts) - _MOST_PRINTED
@@ -293,7 +293,7 @@ def export(
 ) -> None:
     """Write the gap, the contact pressure or the fluid pressure over the pixels to files for other programs.
 
-    The files also contain the pixel size. By default, all load steps are written.
+    The pixel size is written as well. By default, a file is written for each load step.
     """
     from .base.quantities import to_si
     from .results import open_results
@@ -383,9 +383,9 @@ def surface(
         Path | None, option("Picture to write (.png, .pdf or .svg).", "none", "-o", "--output")
     ] = None,
 ) -> None:
-    """Describe a measured face, and print how a run would prepare it. All options are also keys of a case file.
+    """Describe a measured face, and print how a run would prepare the face. All options are also keys of a case file.
 
-    A face that a run would refuse is described and drawn too, with the reason.
+    If a run would reject the face, the face is described and drawn nevertheless, with the reason for the rejection.
     """
     options = dict(locals())
     from .preparation.survey import survey
@@ -440,7 +440,7 @@ def main() -> None:
 
 
 def _is_output_error(error: OSError) -> bool:
-    """Return whether an error occurred while writing to standard output. If so, discard all further output."""
+    """Return whether writing to standard output caused an error, and discard all further output in this case."""
     *_, (last_frame, _line) = traceback.walk_tb(error.__traceback__)
     package = last_frame.f_globals["__name__"].partition(".")[0]
     # output is written by these packages, and by `sys.stdout.flush` in `main`

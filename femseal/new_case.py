@@ -11,7 +11,7 @@ from .execution.terminal import flag, option
 
 
 def _drawing_option(help: str, default: str, *names: str) -> Any:
-    """Declare an option for a value that is stated on a drawing or in a specification."""
+    """Return a command-line option for a value that is stated on a drawing or in a specification."""
     return typer.Option(
         *names, help=help, show_default=default, rich_help_panel="From a drawing (--drawing)"
     )
@@ -101,7 +101,7 @@ def new(
         ),
     ] = None,
 ) -> None:
-    """Write a commented case file to start from, also for a measured face or from a drawing."""
+    """Write a case file with comments, as a template, for a measured face, or from the data on a drawing."""
     stated = {
         "ra": ra,
         "rz": rz,
@@ -150,6 +150,6 @@ def new(
 
 
 def _ask(question: str, assumed: str) -> str:
-    """Ask a question in the terminal and return the answer; return "" if the user accepts the assumed answer."""
+    """Ask a question in the terminal, and return the answer, or "" if the user accepts the default answer."""
     answer = typer.prompt(question, default=assumed, show_default=bool(assumed))
     return "" if answer == assumed else str(answer)

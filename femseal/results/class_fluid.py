@@ -1,4 +1,4 @@
-"""Find the fluid whose leakage decides on leakage classes: the test fluid if there is one."""
+"""Find the fluid whose leakage is compared with leakage classes."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from .results import Results
 
 
 def class_fluid(results: Results) -> FluidState | None:
-    """Read the fluid whose leakage is compared with leakage classes: the test fluid of the case if there is one.
+    """Return the fluid whose leakage is compared with leakage classes: the test fluid or else the service fluid.
 
     Returns
     -------
     FluidState or None
-        If the case of the results contains no fluid that can be read, it is the fluid for which the results in memory
-        were solved. For results that were read from a file, it is then None.
+        Fluid and its pressures according to the case. If the case contains no fluid that can be read, the fluid with
+        which results in memory were solved is returned, and None for results that were read from a file.
     """
     try:
         table = results.case.get("output", {}).get("test_fluid") or results.case["fluid"]

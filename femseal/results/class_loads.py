@@ -1,4 +1,4 @@
-"""Tabulate for several runs the load from which on each meets the leakage classes that their cases have in common."""
+"""Tabulate the load that each of several runs requires to meet the leakage classes that all runs have in common."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ _COMPARED_PRESSURES = (1e6, 1e7, 1e8)
 def common_load_text(runs: Sequence[Results]) -> LoadText:
     """Return a function that converts a nominal pressure to text.
 
-    The text is the force with the pressure in brackets if all cases give forces on the same area, else the pressure.
+    If the cases of all runs give forces on equal areas, the text is the force with the pressure in brackets. Otherwise,
+    the text is the pressure.
     """
     functions = [loads_as_given(results.dataset, 3) for results in runs]
     texts = {tuple(map(function, _COMPARED_PRESSURES)) for function in functions}
@@ -27,7 +28,7 @@ def common_load_text(runs: Sequence[Results]) -> LoadText:
 
 
 def class_columns(runs: Sequence[Results]) -> list[tuple[str, list[str]]]:
-    """Return two columns for each class that all cases have: the load that it needs, and with the whole 95 % interval.
+    """Return table columns with the load that each run requires to meet a class, for each class that all runs have.
 
     Parameters
     ----------
@@ -37,7 +38,9 @@ def class_columns(runs: Sequence[Results]) -> list[tuple[str, list[str]]]:
     Returns
     -------
     list of (str, list of str)
-        Heading of each column, and a text for each run. The column of the interval is left out if a run has none.
+        Pairs, one for each column: heading of the column, and a text for each run. Each class has a column for the load
+        with which the computed leakage meets the class. A second column, for the load with which the whole 95 %
+        interval meets the class, is left out if a run has no interval.
     """
     verdicts = [{verdict.name: verdict for verdict in verdicts_of(results)} for results in runs]
     load_texts = [short_loads(results) for results in runs]

@@ -1,4 +1,4 @@
-"""Collect the results of all studies of a scene in one dataset, with units and descriptions."""
+"""Collect the results of all studies of a run in one dataset, with units and descriptions."""
 
 from __future__ import annotations
 
@@ -49,12 +49,13 @@ from .results import Results
 
 @dataclass(frozen=True)
 class RunFacts:
-    """Hold the facts of a run that are stored in its dataset, in addition to the scene and the results of the studies.
+    """Hold the data of a run that are stored in its dataset, in addition to the input and the results of the studies.
 
     Attributes
     ----------
     case : mapping
-        The case in SI units, as plain data. If the case has a key "seed", it is also an attribute of the dataset.
+        The case in SI units, as nested dictionaries of plain values. The value of the key "seed" is also stored as an
+        attribute of the dataset.
     surface : mapping
         Description of how the measured surface was conditioned.
     timings : mapping
@@ -62,17 +63,18 @@ class RunFacts:
     quantiles : (float, float)
         Lower and upper quantile of the leakage of the realisations that are stored.
     warnings : tuple of str
-        Warnings about the case. The warnings of the studies are appended to them.
+        Warnings about the case. In the dataset, the warnings of the studies follow these warnings.
     leakage_unit : str or None
-        Unit of the leakage in tables, pictures and the report, see `base.leak_rates`. It must suit the fluid or the
-        test fluid. By default, the unit is a rate per unit seal length that gives readable numbers.
+        Unit of the leakage in tables, pictures and the report, see `base.leak_rates`. The unit must suit the service
+        fluid or the test fluid. By default, a unit of leakage per unit seal length is chosen that gives readable
+        numbers.
     budgets : mapping
         Error budget of each study, by the key of the study.
     test : OtherLeakage or None
         Leakage of a test fluid through the same seals.
     classes : sequence of str
-        Names of the leakage classes that are checked at every step. If there is a test fluid, its leakage is checked,
-        otherwise the leakage of the fluid.
+        Names of the leakage classes that are checked at every step. The classes are checked with the leakage of the
+        test fluid or, without a test fluid, with the leakage of the service fluid.
     nominal_diameter : float or None
         Nominal diameter of the seat [m], which the limits of some classes depend on.
     throughput_temperature : float or None
@@ -113,27 +115,27 @@ _NO_FACTS = RunFacts()
 
 
 def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -> Results:
-    """Collect the results of the studies of a scene in one dataset.
+    """Collect the results of several studies of the same input in one dataset.
 
     Parameters
     ----------
     scene : Scene
         Input of the studies.
     *studies : StudyResult
-        Results of at least one study.
+        Results of one or more studies.
     facts : RunFacts
-        Further facts of the run.
+        Further data of the run, such as its case and its error budgets.
 
     Returns
     -------
     Results
-        Results with the dataset. Each of its variables has the attributes `units` and `long_name`.
+        Results with the dataset. Each variable of the dataset has the attributes `units` and `long_name`.
 
     Raises
     ------
     InputError
-        There is no study; a study was solved with a load programme that differs from the load programme of the scene;
-        or a leakage unit or class is unknown or does not suit the fluid.
+        No study is given, or the load programme of a study differs from the load programme of the scene. Also raised if
+        a leakage unit or a leakage class is unknown or does not suit the fluid.
 
     Notes
     -----
@@ -142,22 +144,24 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
     - `step`: load steps
     - `realisation`: realisations of the seal
     - `cell1`, `cell2`: cells of the face, whose coordinates are their centres [m]
-    - `state`, `state_cell1`, `state_cell2`: contact states of the face, and its cells in these states
+    - `state`, `state_cell1`, `state_cell2`: contact states of the face, and the cells of the face in each contact state
     - `patch1`, `patch2`: blocks of pixels of the measured patch that leaks most
-    - `part`, `corner`, `plane`: elements of the realisation nearest to the median, their corners, and the two axes of
-      the plane of the seal
+    - `part`, `corner`, `plane`: tiles of the realisation whose leakage is nearest to the median leakage, corners of a
+      tile, and the two axes of the plane of the seal
     - `budget_part`: sources of error
 
-    Its attributes store the case, the conditioning of the surface, versions, the machine, wall times, the peak memory
-    of the main process, warnings and failures. The attribute `solvers` contains the number of linear systems that each
-    solver solved, and the largest imbalance between the flows at inlet and outlet. The attribute `error_budget`
-    contains notes on the sources of error.
+    The attributes of the dataset store the case, the conditioning of the surface, versions, the machine, wall times,
+    the largest memory of the main process, warnings and failures. The attribute `solvers` contains the number of linear
+    systems that each solver solved, and the largest imbalance between the flows at inlet and outlet. The attribute
+    `error_budget` contains a note for each error source that says how its error was estimated.
     """
     if not studies:
         raise InputError("results", "no study", "at least one")
     if any(study.steps != scene.steps for study in studies):
         given = "a study with a different load programme than the scene"
-        raise InputError("results", given, "studies with the loads of the scene")
+        raise InputError(
+            "results", given, "studies that were solved with the load steps of the scene"
+        )
     # in the order of `STUDIES`, whatever the order of the arguments
     by_key = {
         registered.key: study
@@ -192,12 +196,12 @@ def _add_studies(
     by_key: Mapping[str, StudyResult],
     quantiles: tuple[float, float],
 ) -> None:
-    """Add the fields of all studies.
+    """Add the variables of all studies to a dataset.
 
     Parameters
     ----------
     data : dataset that is extended.
-    scene : input of the studies.
+    scene : input of all studies.
     by_key : result of each study, by the key of the study.
     quantiles : lower and upper quantile of the leakage of the realisations.
     """
@@ -233,10 +237,10 @@ def _add_studies(
 
 
 def _width_of_rows(scene: Scene, stochastic: StudyResult | None) -> float:
-    """Return the total breadth of the rows whose mean contact pressure is stored, from inlet to outlet [m].
+    """Return the total width of the rows whose mean contact pressure is stored, from inlet to outlet [m].
 
-    If the pressures belong to the rows of a stochastic seal, this is the breadth of the seal. Otherwise it is the
-    breadth of the surface.
+    The total width is the width of the seal if the stored pressures are pressures of the rows of a stochastic seal, and
+    the width of the surface otherwise.
     """
     if isinstance(stochastic, StochasticResult) and stochastic.row_pressure is not None:
         return stochastic.seal.size[0]
@@ -244,14 +248,14 @@ def _width_of_rows(scene: Scene, stochastic: StudyResult | None) -> float:
 
 
 def _add_row_coordinate(data: xarray.Dataset, width: float) -> None:
-    """Add the positions of the centres of the rows. The distance between inlet and outlet is `width` [m]."""
+    """Add a coordinate with the positions of the row centres between inlet and outlet, at the distance `width` [m]."""
     count = data.sizes["row"]
     centres = (np.arange(count) + 0.5) * (width / count)
     variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", centres)
 
 
 def _add_face(data: xarray.Dataset, scene: Scene, face: FaceResult) -> None:
-    """Add the variables of a deterministic or two-scale study, including those of its cells if it has cells."""
+    """Add the variables of a deterministic or two-scale study, including the variables of the cells, if any."""
     variables.add_declared(data, face)
     variables.add_block_means(data, scene, face)
     if face.cells is None:
@@ -265,10 +269,10 @@ def _add_face(data: xarray.Dataset, scene: Scene, face: FaceResult) -> None:
 def _add_stochastic(
     data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]
 ) -> None:
-    """Add the fields of a stochastic study.
+    """Add the variables of a stochastic study.
 
-    These are the leakages of all realisations, the fields of the cells in each contact state of the face, and the
-    fields of the realisation whose leakage is nearest to the median.
+    The variables are the leakages of all realisations, the fields of the cells in each contact state, and the fields of
+    the realisation whose leakage is nearest to the median leakage.
     """
     variables.add_realisations(data, result, quantiles)
     variables.add_states(data, result.cells)
@@ -337,11 +341,11 @@ def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts
 
 
 def _leak_basis(scene: Scene, size: Pair, facts: RunFacts) -> LeakBasis:
-    """Return the data that are needed to convert leakages of the fluid of a scene to other units.
+    """Return the seal length and the fluid properties that are needed to convert a leakage to other units.
 
     Parameters
     ----------
-    scene : scene with the fluid.
+    scene : input of the studies, which contains the fluid.
     size : width of the seal from inlet to outlet, and length of the seal [m].
     facts : further facts of the run.
     """
@@ -368,8 +372,8 @@ def _solver_attributes(
         key: vars(study.solvers) | {"systems": dict(study.solvers.systems)}
         for key, study in by_key.items()
     }
-    # The warnings of a study concern the scene and the leakage that this study computed. The leakage of the last study
-    # is the answer of the run, so that only the warnings of the last study are given.
+    # The warnings of a study concern the input and the leakage that the study computed. The leakage of the last study
+    # is the main result of the run, so that only the warnings of the last study are stored.
     last_study = list(by_key.values())[-1]
     all_warnings = [*warnings, *last_study.warnings]
     all_failures = [text for study in by_key.values() for text in study.failures]
@@ -381,7 +385,7 @@ def _solver_attributes(
 
 
 def _unit_name(facts: RunFacts, basis: LeakBasis) -> str:
-    """Return the name of the leakage unit that the case asks for, "" if it does not ask for one.
+    """Return the name of the leakage unit that the case gives, "" if the case gives no unit.
 
     Raises
     ------
@@ -410,7 +414,7 @@ def _open_steps(data: xarray.Dataset, scene: Scene) -> list[int]:
 
 
 def _add_classes(data: xarray.Dataset, facts: RunFacts) -> list[str]:
-    """Add variables that say which leakage classes are met at each step, and return warnings."""
+    """Add variables that say which leakage classes are met at each step, and return warnings about the classes."""
     budget = best_budget(data)
     # if the computation failed for either fluid, no class is met at this step
     leakage = np.where(failed_steps(data), np.nan, class_leakage_of(data))

@@ -1,6 +1,6 @@
-"""Define the options of a case for the files of its results.
+"""List the file formats and limits that a case can choose for the files of its results.
 
-These options are in a separate module, so that a case can be read without importing the solvers.
+The module does not import the solvers, so that a case can be read quickly.
 """
 
 from ..base import InputError
@@ -9,13 +9,13 @@ from ..base import InputError
 FORMATS = ("vtu", "none")
 #: Formats of pictures: pixels for screens, and vectors for print.
 PICTURE_FORMATS = ("png", "svg", "pdf")
-#: Default limit of the size of all fields over the pixels before compression [byte]. Larger fields are written only at
-#: some of the steps.
+#: Default limit of the size of all fields over the pixels before compression [byte]. If the fields of all steps are
+#: larger, only the fields of some steps are written.
 FIELDS_LIMIT = 1e9
 
 
 def read_formats(text: str | None) -> tuple[str, ...]:
-    """Read the picture formats from the option of a command, such as "svg,pdf"; () if the option is not given.
+    """Return the picture formats that a text such as "svg,pdf" lists, and () for None.
 
     >>> read_formats("svg,pdf")
     ('svg', 'pdf')

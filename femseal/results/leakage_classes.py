@@ -1,6 +1,7 @@
 """Compare the leakage at each load step with the limits of leakage classes, and store the outcome in a dataset.
 
-If the case has a test fluid, the leakage of the test fluid is compared, otherwise the leakage of the fluid of the run.
+If the case has a test fluid, the leakage of the test fluid is compared with the limits. Without a test fluid, the
+leakage of the service fluid is compared with the limits.
 """
 
 from __future__ import annotations
@@ -26,15 +27,15 @@ _ODD_LENGTH_RATIO = 1.5
 
 @dataclass(frozen=True, eq=False)
 class DecidingLeakage:
-    """Hold the leakage that decides on leakage classes: the leakage of the test fluid if there is one.
+    """Hold the leakage that is compared with leakage classes: of the test fluid or, without one, the service fluid.
 
     Attributes
     ----------
-    basis : seal length and reference state of the fluid, which convert the leakage to the units of the limits.
+    basis : seal length and fluid properties that are needed to convert the leakage to the units of the limits.
     leakage : leakage per unit seal length, (step,) [m²/s], NaN where unknown.
     of_realisations : leakage of each realisation per unit seal length, (realisation, step) [m²/s].
-    upper : upper end of the 95 % interval of the leakage, (step,) [m²/s], NaN where unknown; None if there is no error
-        budget.
+    upper : upper end of the 95 % interval of the leakage, (step,) [m²/s], NaN where unknown; None if the run has no
+        error budget.
     """
 
     basis: LeakBasis
@@ -57,7 +58,7 @@ def add_classes(
     ----------
     data : dataset that is extended.
     classes : leakage classes to check.
-    deciding : leakage that is compared with the limits of the classes.
+    deciding : leakages that are compared with the limits of the classes.
     diameter : nominal diameter [m], on which the limits of some classes depend; None if unknown.
 
     Returns
@@ -66,7 +67,7 @@ def add_classes(
 
     Raises
     ------
-    InputError : a class needs a nominal diameter and there is none, or a class does not suit the fluid.
+    InputError : a class needs a nominal diameter but `diameter` is None, or a class does not suit the fluid.
     """
     if diameter is not None:
         data.attrs["nominal_diameter_m"] = float(diameter)
@@ -92,9 +93,8 @@ def class_limits(
     Parameters
     ----------
     data : dataset of a run.
-    classes : leakage classes. By default, these are the classes of the run. If the run has none, the classes in `USUAL`
-        are used.
-    diameter : nominal diameter [m]; by default that of the run.
+    classes : leakage classes; by default the classes of the run, or the classes in `USUAL` for a run without classes.
+    diameter : nominal diameter [m]; by default the nominal diameter of the run.
     """
     if not classes:
         has_classes = "leak_class" in data.coords
@@ -116,7 +116,8 @@ def _is_met(limits: Array, deciding: DecidingLeakage) -> Array:
 def _fraction_met(limits: Array, deciding: DecidingLeakage) -> Array:
     """Return the fraction of the realisations whose leakage is within each limit, (leak_class, step).
 
-    The fraction is NaN at steps at which it is undecided whether a realisation leaks, and where the computation failed.
+    The fraction is NaN at steps at which it is unknown whether a realisation leaks, and at steps at which the
+    computation failed.
     """
     leakage = deciding.of_realisations  # (realisation, step)
     is_known = np.isfinite(leakage)
@@ -132,13 +133,14 @@ def _fraction_met(limits: Array, deciding: DecidingLeakage) -> Array:
 
 
 def _warnings(classes: Sequence[LeakClass], length: float, diameter: float | None) -> list[str]:
-    """Warn of limits from secondary sources, and of a nominal diameter that contradicts the seal length.
+    """Return warnings about limits from secondary sources, and about a contradictory nominal diameter.
 
     Parameters
     ----------
     classes : leakage classes that are checked.
     length : seal length [m].
-    diameter : nominal diameter [m], None if unknown.
+    diameter : nominal diameter [m], None if unknown. The diameter is contradictory if a circle with this diameter is
+        much longer or shorter than the seal.
     """
     warnings = []
     secondary = [
@@ -167,8 +169,9 @@ def _warnings(classes: Sequence[LeakClass], length: float, diameter: float | Non
 def tightest_classes(data: xarray.Dataset) -> list[str]:
     """Return a text for each step that lists, for each standard, the tightest class that is met.
 
-    The text is "none" if no class is met, "failed" if the computation failed, and "open" if the computed leakage is
-    zero but its 95 % interval has no upper end. The list is empty if no classes were checked.
+    The text of a step is "none" if no class is met, "failed" if the computation failed, and "open" if the computed
+    leakage is zero but its 95 % interval has no upper end. The function returns an empty list if no classes were
+    checked.
     """
     if "leak_class" not in data.coords:
         return []

@@ -1,7 +1,8 @@
 """Read the load steps of a dataset, and name them in texts.
 
-A dataset has two variables for each load step: the nominal pressure, and the peak pressure from which the seal has been
-unloaded, which is NaN on loading.
+A dataset has two variables that describe the load steps. The variable `nominal_pressure` is the nominal pressure of the
+step. The variable `unloaded_from` is the highest nominal pressure before unloading, and NaN on loading. In the
+functions of this module, the highest nominal pressure before unloading is called the peak.
 """
 
 from __future__ import annotations
@@ -37,24 +38,24 @@ def load_programme(data: xarray.Dataset) -> LoadProgramme:
 
 
 def pressures_and_peaks(steps: Sequence[LoadStep]) -> tuple[Array, Array]:
-    """Return the nominal pressure and the peak of each load step [Pa]; the peak is NaN on loading."""
+    """Return the nominal pressure and the peak of each load step [Pa]; on loading, the peak is NaN."""
     pressures = [step.pressure for step in steps]
     peaks = [np.nan if step.unloaded_from is None else step.unloaded_from for step in steps]
     return np.array(pressures, dtype=float), np.array(peaks, dtype=float)
 
 
 def branches(pressures: Array, peaks: Array) -> list[tuple[str, Indices]]:
-    """Divide a load cycle into its branches: the loading, and the unloading from each peak.
+    """Divide a load cycle into its branches: the loading branch, and an unloading branch for each peak.
 
     Parameters
     ----------
     pressures : nominal pressure of each step [Pa].
-    peaks : peak from which the seal has been unloaded at each step [Pa], NaN on loading.
+    peaks : highest nominal pressure before unloading for each step [Pa], NaN on loading.
 
     Returns
     -------
-    Name and step indices of each branch. The loading comes first, then the unloadings from the highest peak to the
-    lowest. An unloading begins with the step of its peak, which is also a step of the loading.
+    Name and step indices of each branch: first the loading branch, then the unloading branches in falling order of
+    their peaks. An unloading branch begins with the step on loading at which its peak is reached.
     """
     loading = np.flatnonzero(np.isnan(peaks))
     result = [("loading", loading)]
@@ -90,8 +91,8 @@ def branch_text(peak: float | None, text: Callable[[float], str] = _pressure_tex
 
     Parameters
     ----------
-    peak : nominal pressure from which the seal is unloaded [Pa]; None or NaN on loading.
-    text : converts a nominal pressure to text.
+    peak : highest nominal pressure before unloading [Pa]; None or NaN on loading.
+    text : function that converts a nominal pressure [Pa] to text.
     """
     if peak is None or np.isnan(peak):
         return "loading"
@@ -99,7 +100,7 @@ def branch_text(peak: float | None, text: Callable[[float], str] = _pressure_tex
 
 
 def force_scale(data: xarray.Dataset) -> ForceScale | None:
-    """Return the scale that converts nominal pressures to forces, None if the case does not give forces."""
+    """Return the scale that converts nominal pressures to forces, None if the case gives its loads as pressures."""
     table = json.loads(data.attrs.get("case", "{}")).get("load", {})
     loads = [*(table.get("loading") or ()), *(table.get("unload_from") or ())]
     # a force is stored as text with its unit, a pressure as a number

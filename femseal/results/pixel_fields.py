@@ -1,8 +1,9 @@
 """Read, write and export fields over all pixels of the surface, such as gap, contact pressure and fluid pressure.
 
-These fields are too large for `results.nc`. The folder `fields` contains a compressed image for each load step, with
-all fields that the studies declare over pixels, in single precision. The file `fields.pvd` lists the images for
-ParaView, and `Results.pixels` reads them. `export_field` writes a single field for other programs.
+Fields over all pixels are too large for `results.nc`. They are written to the folder `fields`, which contains a
+compressed image for each load step. The image contains all fields that the studies declare over pixels, in single
+precision. The file `fields.pvd` lists the images for ParaView. The method `Results.pixels` reads a field from an image,
+and `export_field` writes a field to a file that other programs can read.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from .results import Results
 
 NAME = "fields"
-#: Explanation in error messages of which results have fields over the pixels.
+#: Text for error messages that says which runs store fields over the pixels.
 WITH_FIELDS = 'a run with "deterministic" or "two-scale" as method or in `compare`, with fields = true in [output]'
 #: Fields that can be exported.
 FIELDS = ("gap", "contact_pressure", "fluid_pressure")
@@ -47,7 +48,7 @@ class _PixelField(NamedTuple):
 
 
 def _fields_in_memory(run: Results) -> list[tuple[Field, Any]]:
-    """Return the declarations and the values (step, x1, x2) of all fields over pixels, if a study is in memory."""
+    """Return the declaration and the values (step, x1, x2) of each field over pixels of a study in memory, if any."""
     study = run.two_scale or run.deterministic
     if study is None:
         return []
@@ -60,8 +61,8 @@ def _fields_in_memory(run: Results) -> list[tuple[Field, Any]]:
 def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
     """Choose the load steps whose fields over the pixels are written.
 
-    If the fields of all steps exceed the limit, the chosen steps are spread evenly over the load programme, and the
-    step with the highest load is one of them.
+    If the fields of all steps are larger than `limit`, steps are chosen that are spread evenly over the load programme
+    and include the step with the highest load.
 
     Parameters
     ----------
@@ -70,8 +71,8 @@ def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
 
     Returns
     -------
-    Indices of the chosen steps, and a list of sentences. If steps are left out, the list contains a sentence that names
-    them, otherwise it is empty.
+    Indices of the chosen steps, and a list of texts for the log. If steps are left out, the list contains a text that
+    names the missing steps. If no steps are left out, the list is empty.
     """
     size_of_step = sum(_BYTES_PER_VALUE * values[0].size for _, values in _fields_in_memory(run))
     if not size_of_step:
@@ -122,7 +123,8 @@ def read_pixels(run: Results, name: str, step: int, cell: Shape | None = None) -
     run : Results
         Results of a run.
     name : str
-        "gap", "contact_pressure", "fluid_pressure", or another field that the study declares over pixels.
+        Name of the field: "gap", "contact_pressure", "fluid_pressure", or another field over pixels that a study
+        computes.
     step : int
         Index of the load step.
     cell : (int, int), optional
@@ -174,7 +176,7 @@ def stored_steps(run: Results) -> list[int]:
 
 
 def _from_memory(run: Results, name: str, step: int) -> _PixelField | None:
-    """Return a field at one step from a study in memory, None if there is none."""
+    """Return a field at a load step from a study in memory, None if no study with this field is in memory."""
     if run.scene is None:
         return None
     for field, values in _fields_in_memory(run):
@@ -184,7 +186,7 @@ def _from_memory(run: Results, name: str, step: int) -> _PixelField | None:
 
 
 def _from_folder(run: Results, name: str, step: int) -> _PixelField | None:
-    """Read a field at one step from the folder of the results; return None if it is not stored there."""
+    """Read a field at a load step from the results folder, or return None if the folder lacks the field."""
     images = {} if run.folder is None else vtk_files.stored_images(run.folder, NAME)
     if step not in images:
         return None
@@ -213,7 +215,7 @@ def export_field(
     cell: Shape | None = None,
     window: Window | None = None,
 ) -> list[Path]:
-    """Write the gap, the contact pressure or the fluid pressure over the pixels to files for other programs.
+    """Write the gap, the contact pressure or the fluid pressure over the pixels to files that other programs can read.
 
     The file is either an image for ParaView (.vti) or an archive of NumPy (.npz), which `read_topography` also reads.
     The archive contains
@@ -228,8 +230,8 @@ def export_field(
     run : Results
         Results of a run.
     path : str or path
-        Path of the file. Its suffix chooses the format. If `step` is not given, the index of each step is added to the
-        name of its file.
+        Path of the file, whose suffix determines the format. If `step` is not given, a file is written for each load
+        step, and the index of the load step is added to the name of the file.
     field : str
         "gap", "contact_pressure" or "fluid_pressure". The fluid pressure is NaN where nothing flows.
     step : int, optional
@@ -237,8 +239,8 @@ def export_field(
     cell : (int, int), optional
         Row and column of a cell, to export the field over this cell only; by default the whole surface.
     window : (float, float, float, float), optional
-        Rectangle of the surface to export, instead of a cell: first and last x1, first and last x2 [m]. It contains
-        the pixels whose centres lie inside.
+        Rectangle of the surface to export, instead of a cell: first and last x1, first and last x2 [m]. A pixel is
+        exported if its centre lies inside the rectangle.
 
     Returns
     -------
@@ -248,8 +250,8 @@ def export_field(
     Raises
     ------
     InputError
-        The field or the format is unknown; the step, the cell or the window does not exist; the results have no
-        fields over pixels; or a file cannot be written.
+        The field or the format is unknown, or the step, the cell or the window does not exist. Also raised if the
+        results have no fields over pixels, or if a file cannot be written.
     """
     path = Path(path)
     if field not in FIELDS:

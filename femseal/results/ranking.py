@@ -12,7 +12,7 @@ from ..base import Array
 
 
 class RankRange(NamedTuple):
-    """Hold the best and the worst rank that a run can have within its 95 % interval; rank 1 leaks least."""
+    """Hold the best and the worst rank that a run can have within its 95 % interval; a run with rank 1 leaks least."""
 
     best: int
     worst: int
@@ -28,13 +28,14 @@ class Ranking:
     Attributes
     ----------
     load : str
-        Text of the load.
+        Load at which the runs are ranked, as text.
     names : sequence of str
         Labels of the runs.
     leakage : array
         Absolute value of the leakage of each run, (run,), all in the same unit; NaN if it is unknown.
     lower, upper : array
-        Ends of the 95 % interval of each run, (run,). If a run has no interval, both ends are equal to the leakage.
+        Lower and upper end of the 95 % interval of the leakage of each run, (run,). For a run without an interval,
+        `lower` and `upper` are equal to the leakage.
     has_intervals : bool
         True if all runs have an interval.
     """
@@ -68,7 +69,7 @@ class Ranking:
         return int(np.nanargmin(self.leakage))
 
     def sentence(self) -> str:
-        """Say which run leaks least, and which runs have intervals that overlap with its interval."""
+        """Say which run leaks least, and which runs have intervals that overlap the interval of this run."""
         best = self.best
         if best is None or np.isfinite(self.leakage).sum() < 2:
             return ""
@@ -92,7 +93,7 @@ class Ranking:
 
 
 def _listed(names: list[str], largest_count: int = 5) -> str:
-    """Join names to a text. If there are many names, only the first names and the number of the others are given."""
+    """Join names to a text; of many names, only the first names and the number of the remaining names are given."""
     if len(names) > largest_count:
         first_names = ", ".join(names[:largest_count])
         return f"{first_names} and {len(names) - largest_count} more"

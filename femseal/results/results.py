@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Results(Plotted):
-    """Hold the results of a run.
+    """Hold the results of a run, from memory or from a results folder.
 
     Attributes
     ----------
@@ -50,8 +50,8 @@ class Results(Plotted):
     scene : Scene or None
         Input of the studies; None if the results were read from a folder.
     studies : mapping
-        Result of each study, by the key of the study. They contain the fields that are too large for the dataset. The
-        mapping is empty if the results were read from a folder.
+        Result of each study, by the key of the study; empty if the results were read from a folder. The result of a
+        study also contains the fields that are too large for the dataset.
     """
 
     dataset: xarray.Dataset
@@ -80,7 +80,7 @@ class Results(Plotted):
 
     @property
     def method(self) -> str:
-        """Method that computed `leakage`, "median" (of the realisations), "two-scale", "blocks" or "deterministic"."""
+        """Method that computed `leakage`, which is "median", "two-scale", "blocks" or "deterministic"."""
         return best_leakage.best_method(self.dataset)
 
     @property
@@ -89,16 +89,16 @@ class Results(Plotted):
         return best_leakage.best_leakage(self.dataset)
 
     def leakage_in(self, unit: str) -> xarray.DataArray:
-        """Return the leakage at each step in another unit, (step,).
+        """Return the leakage at each load step in a given unit, (step,).
 
         Parameters
         ----------
         unit : str
-            For example "mL/min", "g/year" or "mL/(m·min)", for gases also "mbar·L/s" or "std cm³/s". A unit that is not
-            per unit length gives the leakage of the whole seal. The volume of a gas is given at 101 325 Pa and at the
-            temperature of the gas. Standard units, such as "std cm³/s", refer to 101 325 Pa and 0 °C. A throughput
-            (pressure × volume per time) is given at the temperature that the case states, by default at the
-            temperature of the gas.
+            Unit, for example "mL/min", "g/year" or "mL/(m·min)", for gases also "mbar·L/s" or "std cm³/s". With a unit
+            that is not per unit length, the leakage of the whole seal is returned. The volume of a gas is given at 101
+            325 Pa and at the temperature of the gas. Standard units, such as "std cm³/s", refer to 101 325 Pa and 0 °C.
+            A throughput (pressure × volume per time) is given at the temperature that the case states, by default at
+            the temperature of the gas.
 
         Raises
         ------
@@ -111,28 +111,30 @@ class Results(Plotted):
 
     @property
     def leak_basis(self) -> LeakBasis:
-        """Seal length and reference state of the fluid, which convert a leakage to another unit."""
+        """Seal length and fluid properties that are needed to convert a leakage to another unit."""
         return best_leakage.leak_basis_of(self.dataset)
 
     @property
     def leak_unit(self) -> LeakUnit:
         """Unit in which tables and pictures show the leakage.
 
-        If the case gives no suitable unit, it is a leakage per length of the seal, chosen to give readable numbers.
+        This is the unit of the case, if it suits the fluid. Otherwise, a unit of leakage per unit seal length is chosen
+        that gives readable numbers.
         """
         return best_leakage.unit_of_leakage(self.dataset)
 
     @property
     def asked_unit(self) -> LeakUnit | None:
-        """Leakage unit that the case asks for, None if it does not ask for one.
+        """Leakage unit that is given in the case, None if the case gives no unit.
 
-        The unit may suit only the fluid of the case, only its test fluid, or both.
+        A unit for gases does not suit a liquid. The unit of the case may therefore suit the fluid of the case, the test
+        fluid, or both fluids.
         """
         return best_leakage.asked_unit(self.dataset)
 
     @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
-        """Unit `leak_unit`, and the leakage per unit seal length that corresponds to 1 in this unit [m²/s]."""
+        """The unit `leak_unit`, and the leakage per unit seal length [m²/s] that has the value 1 in this unit."""
         return self.leak_unit, self.leak_basis.factor(self.leak_unit)
 
     @property
@@ -152,27 +154,26 @@ class Results(Plotted):
 
     @property
     def class_basis(self) -> LeakBasis:
-        """Seal length and reference state of the test fluid if there is one, otherwise of the fluid of the run."""
+        """Seal length and properties of the test fluid, or of the service fluid in a run without a test fluid."""
         return best_leakage.class_basis_of(self.dataset)
 
     @property
     def class_leakage(self) -> tuple[Array, Array]:
-        """Class leakage (step,), and class leakage of each realisation (realisation, step) [m²/s]."""
+        """Leakage for leakage classes (step,), and the same of each realisation (realisation, step) [m²/s]."""
         leakage = best_leakage.class_leakage_of(self.dataset)
         return leakage, best_leakage.class_leakage_of_realisations(self.dataset)
 
     @property
     def class_interval(self) -> tuple[Array, Array] | None:
-        """Lower and upper end of the 95 % interval of the class leakage, (step,) [m²/s] each.
+        """Lower and upper end of the 95 % interval of the class leakage, two arrays (step,) [m²/s].
 
-        The ends are NaN where they are unknown. If the run has no error budget, there is no interval, and the result is
-        None.
+        The values are NaN where an end of the interval is unknown. The property is None if the run has no error budget.
         """
         return best_leakage.class_interval_of(self.dataset)
 
     @property
     def has_failed(self) -> Flags:
-        """Steps at which the leakage of the fluid or of the test fluid could not be computed, bool (step,)."""
+        """Flag for each step, True if the leakage of the service fluid or of the test fluid could not be computed."""
         return best_leakage.failed_steps(self.dataset)
 
     @property
@@ -182,7 +183,7 @@ class Results(Plotted):
 
     @property
     def verdicts(self) -> tuple[Any, ...]:
-        """Verdict on each leakage class of the case, which says whether it is met and which load this requires."""
+        """Verdicts that say for each leakage class of the case whether it is met, and which load it requires."""
         return tuple(display_package("results").verdicts_of(self))
 
     @property
@@ -197,9 +198,9 @@ class Results(Plotted):
         tolerance: float = 0.1,
         nominal_diameter: float | str | None = None,
     ) -> tuple[Any, ...]:
-        """Return exponent and required value of the sealing index ∫ pⁿ dl for each leakage class.
+        """Return the exponent n of the sealing index ∫ pⁿ dl, and its required value for each leakage class.
 
-        The arguments and the result are those of `sealing_index.sealing_indices`.
+        See `sealing_index.sealing_indices` for the arguments and the returned value.
         """
         return display_package("results").sealing_indices(  # type: ignore[no-any-return]
             self, classes, tolerance=tolerance, nominal_diameter=nominal_diameter
@@ -230,17 +231,18 @@ class Results(Plotted):
     def unloading(self, from_: float | str | None = None) -> xarray.Dataset:
         """Return the variables of the load steps on unloading, with the nominal pressure [Pa] as their dimension.
 
-        The first of these steps is the peak.
+        The first load step is the step on loading with the highest load before unloading.
 
         Parameters
         ----------
         from_ : float or str, optional
-            Peak from which the seal is unloaded, in Pa or as text such as "900 MPa"; by default the highest peak.
+            Highest load before unloading, in Pa or as text such as "900 MPa"; by default the highest load of the cycle
+            from which the seal is unloaded.
 
         Raises
         ------
         InputError
-            The load cycle has no unloading from this peak.
+            The load cycle has no unloading from the given load.
         """
         pressure = self.dataset["nominal_pressure"].values
         _loading, *unloadings = load_steps.branches_in(self.dataset)
@@ -257,7 +259,7 @@ class Results(Plotted):
         raise InputError("from_", from_, f"one of {peaks}")
 
     def _over_pressure(self, steps: Indices) -> xarray.Dataset:
-        """Return the variables of some load steps, with the nominal pressure as dimension instead of the step."""
+        """Return the variables at some load steps, with the nominal pressure as their dimension."""
         data = self.dataset
         names = [name for name in data.data_vars if "step" in data[name].dims]
         return data[names].isel(step=steps).swap_dims(step="nominal_pressure")
@@ -266,17 +268,17 @@ class Results(Plotted):
 
     @property
     def case(self) -> dict[str, Any]:
-        """Case of the run in SI units. Tuples have become lists."""
+        """Case of the run in SI units, with lists in place of tuples."""
         return self._json("case")
 
     @property
     def warnings(self) -> list[str]:
-        """Reasons why the numbers may be wrong, one line each."""
+        """Warnings, each of which gives a reason why the results may be wrong."""
         return self._json("warnings")
 
     @property
     def failures(self) -> list[str]:
-        """Computations that failed, whose numbers are NaN or missing, one line each."""
+        """Descriptions of failed computations, whose results are NaN or missing."""
         return self._json("failures")
 
     @property
@@ -286,7 +288,7 @@ class Results(Plotted):
 
     @property
     def attempts(self) -> dict[str, Any] | None:
-        """Attempts to reach the accuracy that the case asks for, and their outcome; None if it asks for none."""
+        """Attempts to reach the requested accuracy, and their outcome; None if the case requests no accuracy."""
         return self._json("accuracy", "null")
 
     def _json(self, attribute: str, default: str = "") -> Any:
@@ -298,7 +300,8 @@ class Results(Plotted):
     def cell(self, i: int, j: int) -> xarray.Dataset:
         """Return the variables of one cell of the face.
 
-        For a two-scale study, they are given at every load step; for a stochastic study, in every contact state.
+        The variables of a two-scale study have a value for every load step. The variables of a stochastic study have a
+        value for every contact state.
 
         Parameters
         ----------
@@ -319,12 +322,12 @@ class Results(Plotted):
         return data[names].isel({row_dim: row, column_dim: column})
 
     def piece(self, i: int, j: int) -> xarray.Dataset:
-        """Return the variables of one cell. This is the former name of `cell`."""
+        """Return the variables of a cell of the face, under the former name of the method `cell`."""
         warnings.warn("Results.piece is Results.cell now", DeprecationWarning, stacklevel=2)
         return self.cell(i, j)
 
     def pixels(self, name: str, step: int, cell: Shape | None = None) -> xarray.DataArray:
-        """Return a field over the pixels (x1, x2) at one step in SI units, see `pixel_fields.read_pixels`."""
+        """Return a field over the pixels (x1, x2) at a load step in SI units, see `pixel_fields.read_pixels`."""
         return display_package("results").read_pixels(self, name, step, cell)
 
     def gap(self, step: int, cell: Shape | None = None) -> xarray.DataArray:
@@ -355,12 +358,12 @@ class Results(Plotted):
         return display_package("results").leakage_table(self)
 
     def attempts_table(self) -> TextTable:
-        """Return a table of the attempts to reach the requested accuracy, which `rich.print` displays.
+        """Return a table of the attempts to reach the requested accuracy, to be displayed by `rich.print`.
 
         Raises
         ------
         InputError
-            The case does not ask for an accuracy.
+            The case requests no accuracy.
         """
         if self.attempts is None:
             raise InputError("attempts", "a case without `accuracy`", "a case with `accuracy`")
@@ -376,7 +379,7 @@ class Results(Plotted):
         return display_package("plots").shown(display_package("plots").cells_figure(self))
 
     def plot_pieces(self) -> Any:
-        """Plot the permeability of the cells. This is the former name of `plot_cells`."""
+        """Plot the permeability of the cells, under the former name of the method `plot_cells`."""
         warnings.warn("plot_pieces is plot_cells now", DeprecationWarning, stacklevel=2)
         return self.plot_cells()
 
@@ -389,7 +392,7 @@ class Results(Plotted):
         return display_package("report").write_report(self, path)
 
     def export(self, path: AnyPath, **options: Any) -> list[Path]:
-        """Write a field over the pixels for other programs, see `pixel_fields.export_field`."""
+        """Write a field over the pixels to files that other programs can read, see `pixel_fields.export_field`."""
         return display_package("results").export_field(self, path, **options)
 
     def __repr__(self) -> str:

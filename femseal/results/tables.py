@@ -26,14 +26,15 @@ Column = tuple[str, list[str]]
 
 #: Headings in the terminal that are longer than this are broken between words [characters].
 _HEADING_WIDTH = 10
-#: If the ratio of the upper to the lower end of an interval is at most this, both ends have three digits, else two.
+#: If the upper end of an interval is at most this many times the lower end, the interval is written with three digits,
+#: otherwise with two digits.
 _NARROW_RATIO = 1.2
 
 # --- tables for programs ----------------------------------------------------------------------------------------
 
 
 def rows(run: Results) -> list[dict[str, Any]]:
-    """Return the results at all load steps in SI units, and the leakage in further units.
+    """Return the results at all load steps in SI units, and the leakage also in other units.
 
     Parameters
     ----------
@@ -43,7 +44,7 @@ def rows(run: Results) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        Dictionary for each load step. The keys contain the units, such as "leakage_m2_per_s".
+        Results of each load step, as a dictionary whose keys contain the units, such as "leakage_m2_per_s".
     """
     data = run.dataset
     variables = {"nominal_pressure_Pa": data["nominal_pressure"], "leakage_m2_per_s": run.leakage}
@@ -85,10 +86,17 @@ def write_workbook(run: Results, path: Path) -> Path:
 def leakage_table(run: Results) -> TextTable:
     """Return a table of the leakage that `rich.print` displays.
 
-    The table has these columns: the branch, the load, the leakage with its intervals, the leakage of the whole seal,
-    all variables over the load steps that have a heading, the leakage of the test fluid, and the leakage classes. The
-    headings name the units of the leakage of the whole seal and of the test fluid; the title names the unit of all
-    other leakages.
+    The columns of the table are:
+
+    - the branch of the load cycle and the load,
+    - the leakage by the best method, with its 95 % interval and its scatter between realisations,
+    - the leakage of the whole seal,
+    - other variables over the load steps, such as the leakage by other methods,
+    - the leakage of the test fluid, and
+    - the leakage classes that are met.
+
+    The unit of the leakage is given in the title of the table. The leakage of the whole seal and the leakage of the
+    test fluid have other units, which are given in the headings of their columns.
 
     Parameters
     ----------
@@ -132,12 +140,12 @@ def leakage_table(run: Results) -> TextTable:
 
 
 def _interval_columns(run: Results, factor: float) -> list[Column]:
-    """Return the columns with the 95 % interval and with the scatter between realisations, if the run has them.
+    """Return the columns for the 95 % interval and for the scatter between realisations, if they are known.
 
     Parameters
     ----------
     run : results of a run.
-    factor : leakage per unit seal length that equals 1 in the unit of the table [m²/s].
+    factor : leakage per unit seal length [m²/s] that has the value 1 in the unit of the table.
     """
     data = run.dataset
     budget = run.budget
@@ -183,7 +191,7 @@ def _load_columns(data: xarray.Dataset) -> list[Column]:
 def _value_texts(variable: xarray.DataArray, factor: float) -> list[str]:
     """Convert the values of a variable at all load steps to texts.
 
-    Leakages are divided by `factor`, the leakage [m²/s] that corresponds to 1 in the unit of the table. Fractions are
+    A leakage is divided by `factor`, the leakage [m²/s] that has the value 1 in the unit of the table. A fraction is
     given in per cent.
     """
     unit = variable.attrs["units"]
@@ -195,12 +203,12 @@ def _value_texts(variable: xarray.DataArray, factor: float) -> list[str]:
 
 
 def leakage_texts(run: Results, factor: float) -> list[str]:
-    """Convert the leakage at every load step to text, see `format_leakage`, or to "open" if the surfaces separate.
+    """Convert the leakage at every load step to text, which is "open" if the surfaces are separated.
 
     Parameters
     ----------
     run : results of a run.
-    factor : leakage per unit seal length that equals 1 in the unit of the texts [m²/s].
+    factor : leakage per unit seal length [m²/s] that has the value 1 in the unit of the texts.
     """
     return _with_open_steps(run, _value_texts(run.leakage, factor))
 
@@ -220,8 +228,8 @@ def _with_open_steps(run: Results, texts: Iterable[str]) -> list[str]:
 def class_unit(run: Results) -> LeakUnit:
     """Return the unit in which the class leakage is shown.
 
-    If there is a test fluid, it is the unit that the case asks for, or a usual unit if this unit does not suit the test
-    fluid.
+    Without a test fluid, this is the unit of all leakages of the run. With a test fluid, this is the unit of the case
+    or, if the unit of the case does not suit the test fluid, a usual unit for gases or liquids.
     """
     if "test_leakage" not in run.dataset:
         return run.leak_unit
@@ -232,13 +240,13 @@ def class_unit(run: Results) -> LeakUnit:
 
 
 def leakage_of(run: Results) -> str:
-    """Name the leakage in the unit of the run, with the seal length if it is the leakage of the whole seal."""
+    """Name the kind of leakage that tables show, with the seal length for the leakage of the whole seal."""
     text = kind_of(run.leak_unit)
     return text if run.leak_unit.per_length else f"{text}, {to_text(run.leak_basis.length, 'm')},"
 
 
 def kind_of(unit: LeakUnit) -> str:
-    """Say in words whether a unit gives the leakage per length or the leakage of the whole seal."""
+    """Say whether a unit is for the leakage per unit seal length or for the leakage of the whole seal."""
     return "leakage per length of seal" if unit.per_length else "leakage of the whole seal"
 
 
@@ -248,7 +256,7 @@ def format_leakage(value: float, factor: float) -> str:
     Parameters
     ----------
     value : leakage per unit seal length [m²/s].
-    factor : leakage per unit seal length that equals 1 in the unit of the text [m²/s].
+    factor : leakage per unit seal length [m²/s] that has the value 1 in the unit of the text.
     """
     if np.isnan(value):
         return "failed"
@@ -258,14 +266,14 @@ def format_leakage(value: float, factor: float) -> str:
 def format_interval(low: float, high: float, factor: float, leakage: float) -> str:
     """Format the 95 % interval of a leakage.
 
-    If an end differs from the leakage by more than a factor of `VAGUE`, it is described in words. Otherwise it is a
-    number with two digits, or with three digits if the interval is narrow.
+    An end of the interval is written as a number with two digits, or with three digits if the interval is narrow. An
+    end that differs from the leakage by more than a factor of `VAGUE` is described in words.
 
     Parameters
     ----------
-    low, high : lower and upper end of the interval [m²/s].
-    factor : leakage per unit seal length that equals 1 in the unit of the text [m²/s].
-    leakage : leakage to which the interval belongs [m²/s].
+    low, high : lower and upper end of the 95 % interval [m²/s].
+    factor : leakage per unit seal length [m²/s] that has the value 1 in the unit of the text.
+    leakage : leakage whose interval is written [m²/s].
 
     Examples
     --------
@@ -290,7 +298,7 @@ def format_interval(low: float, high: float, factor: float, leakage: float) -> s
 
 
 def _joined(low: str, high: str) -> str:
-    """Join the ends of an interval by a dash, or by "to" where a dash could be misread as a minus sign."""
+    """Join the lower and the upper end of an interval by a dash, or by "to" where a dash could be misread."""
     is_ambiguous = low.startswith("-") or high.startswith(">")
     return f"{low} to {high}" if is_ambiguous else f"{low}–{high}"
 
@@ -313,7 +321,7 @@ def with_leak_unit(text: str, unit: LeakUnit) -> str:
 
 
 def attempt_sentences(attempts: dict[str, Any]) -> list[str]:
-    """Say whether the requested accuracy is reached, what limits it, and how much it would cost to halve the error.
+    """Say whether the requested accuracy is reached, what limits the accuracy, and what halving the error would cost.
 
     Parameters
     ----------
@@ -343,7 +351,7 @@ def attempt_sentences(attempts: dict[str, Any]) -> list[str]:
 
 
 def attempts_table(attempts: dict[str, Any]) -> TextTable:
-    """Return a table with a line for each attempt to reach the requested accuracy; its notes explain the outcome.
+    """Return a table with a line for each attempt to reach the requested accuracy, and a note on the outcome.
 
     Parameters
     ----------
@@ -366,12 +374,12 @@ def attempts_table(attempts: dict[str, Any]) -> TextTable:
 
 
 def as_chosen(case: dict[str, Any], attempts: dict[str, Any] | None) -> dict[str, Any]:
-    """Return a case with the settings of the last attempt to reach its accuracy.
+    """Return a copy of a case with the settings that the last attempt to reach the requested accuracy used.
 
     Parameters
     ----------
     case : case in SI units, as in `Results.case`.
-    attempts : record of the attempts, as in `Results.attempts`; None if there were none.
+    attempts : record of the attempts, as in `Results.attempts`; None if the case requests no accuracy.
     """
     if attempts is None:
         return case
@@ -384,7 +392,7 @@ def as_chosen(case: dict[str, Any], attempts: dict[str, Any] | None) -> dict[str
 
 
 def half_width_text(attempt: dict[str, Any]) -> str:
-    """Format the half-width of the 95 % interval of ln(leakage) after an attempt; if it is unknown, it is infinite."""
+    """Format the half-width of the 95 % interval of ln(leakage) after an attempt; unknown is written as infinite."""
     width = attempt["half_width"]
     return format_deviation(inf if width is None else width)
 

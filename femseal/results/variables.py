@@ -1,8 +1,9 @@
 """Add variables to the dataset of a run.
 
-Most variables are fields that the results of the studies declare; others are computed from several results. A variable
-over the load steps becomes a column of the file `table.csv`, and also of the printed table if it has a heading. A
-variable over cells, or over the tiles of a realisation, becomes an array for ParaView.
+Most variables are fields that the result of a study declares. All other variables are computed from the results of
+several studies. A variable with a value for each load step is written to a column of the file `table.csv`; if the
+variable has a heading, it is also shown in the printed table. A variable with a value for each cell or tile is written
+to the files for ParaView.
 """
 
 from __future__ import annotations
@@ -49,8 +50,8 @@ from .load_steps import pressures_and_peaks
 if TYPE_CHECKING:
     import xarray
 
-#: Largest number of blocks along each side of the maps: of the heights, of a measured patch, and of fields that change
-#: with the load.
+#: Largest number of blocks along each side of three kinds of maps: the map of the heights, maps of a measured patch,
+#: and maps of fields that change with the load.
 HEIGHT_BLOCKS, PATCH_BLOCKS, FIELD_BLOCKS = 512, 256, 128
 
 # --- single variables -------------------------------------------------------------------------------------------
@@ -80,14 +81,14 @@ def add_new(
     dims: Dimensions = STEP,
     **attrs: Any,
 ) -> None:
-    """Add a variable that is not declared by a result; the arguments are explained in `Field` and `add`."""
+    """Add a variable that no study declares as a field; see `Field` and `add` for the arguments."""
     add(data, Field(name, unit, long_name, dims), values, **attrs)
 
 
 def add_coordinate(
     data: xarray.Dataset, name: str, unit: str, long_name: str, values: Any, dim: str = ""
 ) -> None:
-    """Add a coordinate along the dimension `dim`. By default, the dimension has the same name as the coordinate."""
+    """Add a coordinate along the dimension `dim`; by default, the dimension has the name of the coordinate."""
     data.coords[name] = (dim or name, values, {"units": unit, "long_name": long_name})
 
 
@@ -108,8 +109,8 @@ def add_load_steps(data: xarray.Dataset, dim: str, prefix: str, steps: Sequence[
     ----------
     data : dataset that is extended.
     dim : name of the dimension, "step" for load steps or "state" for the contact states of a face.
-    prefix : text at the beginning of the names of the coordinates.
-    steps : load steps, or load steps at which the contact states were solved.
+    prefix : text at the beginning of the names of the coordinates, such as "state_".
+    steps : load steps of the run or, for `dim` "state", load step of each contact state.
     """
     pressures, peaks = pressures_and_peaks(steps)
     branch = [step.branch for step in steps]
@@ -126,7 +127,7 @@ def add_load_steps(data: xarray.Dataset, dim: str, prefix: str, steps: Sequence[
 
 
 def add_cell_centres(data: xarray.Dataset, prefix: str, cut: Cut) -> None:
-    """Add the positions of the centres of the cells of a face as coordinates, whose names begin with `prefix`."""
+    """Add two coordinates with the positions of the cell centres; their names begin with `prefix`."""
     x1, x2 = cut.centres
     add_coordinate(data, f"{prefix}cell1", "m", "x1 of the centres of cells, from the inlet", x1)
     add_coordinate(data, f"{prefix}cell2", "m", "x2 of the centres of cells, along the seal", x2)
@@ -141,7 +142,8 @@ def add_realisations(
     ----------
     data : dataset that is extended.
     result : result of the stochastic study.
-    quantiles : lower and upper quantile, which are also added if there are enough realisations to determine them.
+    quantiles : probabilities of the lower and the upper quantile of the leakage. The quantiles are only added if the
+        number of realisations is sufficient.
     """
     add_declared(data, result)
     add_coordinate(data, "realisation", "1", "realisation", np.arange(len(result.leakage)))
@@ -158,8 +160,9 @@ def add_realisations(
 def add_states(data: xarray.Dataset, cells: FaceCells) -> None:
     """Add the contact states of the face and, for each state, the fields of the cells of the face.
 
-    In a stochastic study, the contact states may have other loads than the load steps of the run. The fields of the
-    cells are therefore renamed from "cell_..." to "state_...".
+    In a stochastic study, the loads of the contact states can differ from the loads of the load steps. Fields that
+    belong to contact states are renamed from "cell_..." to "state_...", so that they are not taken for fields at the
+    load steps.
     """
     add_load_steps(data, "state", "state_", cells.steps)
     add_cell_centres(data, "state_", cells.cut)
@@ -184,9 +187,9 @@ def add_patches(
     ----------
     data : dataset that is extended.
     patches : measured patches.
-    result : leakages of the patches.
-    gaps : gap of the whole surface, in which the patches lie side by side, at every step (step, x1, x2) [m]; None if
-        it is unknown.
+    result : leakages that were computed for the single patches.
+    gaps : gap of the surface at every step (step, x1, x2) [m]; None if the gap is unknown. The patches lie side by side
+        in the surface.
     """
     numbers = np.arange(1, len(result.alone) + 1)
     add_coordinate(data, "patch", "1", "number of the measured patch", numbers)
@@ -208,9 +211,9 @@ def add_patches(
 
 
 def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> None:
-    """Add averages over blocks of pixels for all fields of a study that are defined on pixels.
+    """Add block averages of the fields that a study declares over the pixels.
 
-    The fields themselves are too large for the dataset.
+    The fields with all pixels would be too large for the dataset.
     """
     add_blocks(data, ("block1", "block2"), scene.surface, FIELD_BLOCKS)
     for declaration, at_pixels in fields_of(study):
@@ -224,7 +227,7 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> No
 def add_blocks(
     data: xarray.Dataset, dims: tuple[str, str], face: Surface, largest_count: int
 ) -> None:
-    """Add the positions of the centres of the blocks into which the pixels of a face are grouped.
+    """Add two coordinates with the positions of the centres of blocks of pixels.
 
     Parameters
     ----------
@@ -240,11 +243,11 @@ def add_blocks(
 
 
 def block_means(values: NDArray[Any], largest_count: int) -> NDArray[np.float32]:
-    """Average values over blocks of pixels.
+    """Average the values at the pixels over blocks of pixels.
 
     Parameters
     ----------
-    values : values at the pixels (n1, n2). NaN values are ignored in the averages.
+    values : values at the pixels (n1, n2). Pixels with NaN are ignored.
     largest_count : largest number of blocks along each side. If the number of pixels is not a multiple of the number
         of blocks, some blocks are one pixel longer than the others.
 
@@ -269,13 +272,13 @@ def block_means(values: NDArray[Any], largest_count: int) -> NDArray[np.float32]
 def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis) -> None:
     """Add the leakage of the whole seal as a volume rate, as a mass rate, and in all other suitable units.
 
-    For a gas, the throughput (pressure × volume per time) is added as well.
+    For a gas, the throughput (pressure × volume per time) of the whole seal is also added.
 
     Parameters
     ----------
     data : dataset that is extended.
     leakage : leakage per unit seal length by the best method, (step,) [m²/s].
-    basis : seal length and reference state of the fluid.
+    basis : seal length and properties of the fluid that are needed to convert the leakage.
     """
     # the long name ends with the method, such as "two-scale"
     statistic = leakage.attrs["long_name"].rpartition(", ")[2]
@@ -304,12 +307,12 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
 
 
 def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> None:
-    """Add the 95 % interval of every leakage, and the interval that each source of error would cause alone.
+    """Add the 95 % interval of each computed leakage, and the interval that each error source would cause alone.
 
     Parameters
     ----------
     data : dataset that is extended.
-    budgets : error budgets, by the names of the methods in variables, such as "two_scale".
+    budgets : error budget of each method, by the name of the method in names of variables, such as "two_scale".
     """
     if not budgets:
         return
@@ -323,7 +326,7 @@ def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> Non
 
 
 def _add_budget(data: xarray.Dataset, method: str, budget: ErrorBudget, sources: list[str]) -> None:
-    """Add the 95 % interval of one method, and the interval that each of the sources would cause alone."""
+    """Add the 95 % interval of the leakage of a method, and the interval that each error source would cause alone."""
     parts = {part.name: part for part in budget.parts}
     numerical = budget.numerical
     name = f"leakage_{method}_budget"
@@ -355,8 +358,8 @@ def add_test_fluid(
     ----------
     data : dataset that is extended.
     test : leakage of the test fluid.
-    service : fluid of the run and its pressures. The ratios of the two leakages in viscous flow and in molecular flow
-        are stored as attributes.
+    service : service fluid with its pressures. The ratio of the test leakage to the service leakage is stored as
+        attributes, for viscous flow and for molecular flow.
     throughput_temperature : temperature at which the throughput of a gas is given [K]; None for the temperature of the
         gas itself.
     valve : arguments of `LeakBasis` that describe the valve.

@@ -83,7 +83,7 @@ class NeededPressure:
 
     @property
     def relation(self) -> str:
-        """Sign between the required pressure and `bound(value)`: "=" for a known pressure, else ">" or "<="."""
+        """Sign between the required pressure and `bound(value)`, which is "=" if the pressure is known, ">" or "<="."""
         if self.value == inf:
             return ">"
         return "<=" if self.value == 0 else "="

@@ -1,14 +1,15 @@
 """Write results to files for ParaView, in the XML formats of VTK, which every version of ParaView opens.
 
-Each load step has a file, and a file `.pvd` lists these files with their times. The time is the index of the load step,
-because the same load can occur on loading and on unloading. The load itself is stored as field data.
+Each load step has a file, and a `.pvd` file lists the files of all load steps with their times. The time of a file is
+the index of the load step, because a load can occur on loading and on unloading. The nominal pressure of the load step
+is stored in each file as field data.
 
-pyvista writes the data sets with compression. Images are stored as raw bytes, which take a quarter less space than text
-in base64. Meshes are stored in base64, because meshio 5.3 mixes up the arrays of some files with raw bytes. The `.pvd`
-is written here, because pyvista does not write this format.
+pyvista writes the data sets with compression. Images are written as raw bytes, which take a quarter less space than
+base64 text. Meshes are written in base64, because meshio 5.3 mixes up the arrays of some files with raw bytes. This
+module writes the `.pvd` files, because pyvista does not support this format.
 
-The coordinates are x = x1 and y = x2 in metres. The names of arrays contain their units, without brackets. There are no
-text arrays, because meshio cannot read them.
+The coordinates are x = x1 and y = x2 in metres. The name of an array contains its unit, without brackets. The files
+contain no text arrays, because meshio cannot read text arrays.
 """
 
 from __future__ import annotations
@@ -43,9 +44,10 @@ _COMPRESSION = 1
 
 
 def loads_of(data: xarray.Dataset, dim: str = "step") -> Array:
-    """Return the nominal pressure and the peak of each load step as columns (step, 2) [Pa].
+    """Return the nominal pressure of each load step, and the load from which it is unloaded, (step, 2) [Pa].
 
-    If `dim` is "state", the rows belong to the contact states of the face instead of the load steps.
+    The load from which the seal is unloaded is NaN on loading. If `dim` is "state", the rows of the array are for the
+    contact states of the face instead of the load steps.
     """
     prefix = "" if dim == "step" else f"{dim}_"
     pressures = data[f"{prefix}nominal_pressure"].values
@@ -54,7 +56,10 @@ def loads_of(data: xarray.Dataset, dim: str = "step") -> Array:
 
 
 def with_load(mesh: Any, load: Array) -> Any:
-    """Add the nominal pressure and the peak [Pa] to a data set, and return it. The peak is NaN on loading."""
+    """Add the nominal pressure of a load step to a data set as field data, and return the data set.
+
+    load : row of the array that `loads_of` returns [Pa].
+    """
     pressure, peak = load / 1e6
     mesh.field_data["nominal_pressure_MPa"] = np.array([pressure])
     mesh.field_data["unloaded_from_MPa"] = np.array([peak])
@@ -87,9 +92,9 @@ class Cells:
 
     Attributes
     ----------
-    name : name of the series of files.
+    name : name of the files, see `write_series`.
     corners : positions of the corners of each cell, (cell, 3 or 4, 2) [m].
-    loads : nominal pressure and peak of each step, see `loads_of`.
+    loads : nominal pressure of each step, and load from which it is unloaded (step, 2) [Pa], see `loads_of`.
     data : arrays of the data by their names, (step, cell) for scalars and (step, cell, 3) for vectors.
     """
 
@@ -100,7 +105,7 @@ class Cells:
 
     @cached_property
     def _mesh(self) -> Any:
-        """Mesh of the cells without data, in which neighbouring cells share their corners."""
+        """Mesh of the cells, without data. Neighbouring cells of the mesh have common corners."""
         import pyvista
 
         cell_count, corners_per_cell, _dimensions = self.corners.shape
@@ -121,7 +126,7 @@ class Cells:
 
 
 def _heights(surface: Surface) -> Any:
-    """Make a VTK image of the heights of the face, which are data at points so that ParaView can warp the image."""
+    """Make a VTK image of the heights of the face; as data at points, they allow ParaView to warp the image."""
     import pyvista
 
     d1, d2 = surface.spacing
@@ -173,7 +178,7 @@ def read_image(path: Path, names: Iterable[str]) -> tuple[str | None, Any]:
 
     Returns
     -------
-    Name of this array, and the image. The name is None if the image has no array with one of these names.
+    Name of the array, and the image. The name is None if the image has no array with a name among `names`.
     """
     import pyvista
 
@@ -220,24 +225,24 @@ def as_xml(mesh: Any) -> bytes:
 def write_vtk(
     run: Results, surface: Surface | None, folder: AnyPath, mapper: Mapper = map
 ) -> list[Path]:
-    """Write views of the results as files for ParaView, in which each view is opened by its file `.pvd`.
+    """Write the results to files for ParaView, with a `.pvd` file for each of the following views.
 
-    - `cells`, of a two-scale study: the cells of the face at every load step;
-    - `states`, of a stochastic study: the cells in every contact state of the face;
-    - `drawn`, of a stochastic study: the tiles of the realisation nearest to the median;
-    - `surface`: the heights of the face [µm].
+    - `cells`: cells of the face at every load step, for a two-scale study;
+    - `states`: cells of the face in every contact state, for a stochastic study;
+    - `drawn`: tiles of the realisation whose leakage is nearest to the median leakage, for a stochastic study;
+    - `surface`: heights of the face [µm], in a single file without `.pvd`.
 
     Parameters
     ----------
     run : Results
         Results of a run.
     surface : Topography or None
-        Surface whose heights are written. If it is None, the view `surface` is not written.
+        Surface whose heights are written; None to leave out the view `surface`.
     folder : str or path
         Folder of the files, which is created if needed.
     mapper : callable
-        Function that applies a stage to its arguments, like the builtin `map`. A mapper with processes writes the files
-        in one of them, so that VTK does not block the threads of this process.
+        Function that applies a stage to its arguments, like the builtin `map`. If the mapper uses several processes, a
+        worker process writes the files, so that VTK does not block the threads of the main process.
 
     Returns
     -------
@@ -265,7 +270,7 @@ def write_vtk(
 
 
 def _write_views(folder: Path, views: list[Cells], surface: Surface | None) -> list[Path]:
-    """Write views and heights to a folder, and return the paths of the files relative to it."""
+    """Write views and the heights of a surface to a folder, and return the paths of the files in the folder."""
     paths: list[Path] = []
     for view in views:
         paths += write_series(view.name, view.at, range(len(view.loads)), folder)
@@ -275,13 +280,13 @@ def _write_views(folder: Path, views: list[Cells], surface: Surface | None) -> l
 
 
 def _cells_of_face(name: str, data: xarray.Dataset, dims: Dimensions) -> Cells:
-    """Return the cells of the face, with all variables that have the dimensions `dims`.
+    """Return the cells of the face, with all variables of a dataset that have the dimensions `dims`.
 
     Parameters
     ----------
-    name : name of the view.
+    name : name of the view, "cells" or "states".
     data : dataset of a run.
-    dims : dimension of the loads, of the rows of cells, and of their columns.
+    dims : names of three dimensions: load steps or contact states, rows of cells, and columns of cells.
     """
     load_dim, row_dim, column_dim = dims
     loads = loads_of(data, load_dim)
@@ -303,7 +308,7 @@ def _cells_of_face(name: str, data: xarray.Dataset, dims: Dimensions) -> Cells:
 
 
 def _edges(centres: Array) -> list[float]:
-    """Return the edges of adjacent cells from their centres; the first edge is at 0."""
+    """Compute the edges of adjacent cells from the centres of the cells; the first edge is at 0."""
     edges = [0.0]
     for centre in centres:
         edges.append(2 * centre - edges[-1])
@@ -311,7 +316,7 @@ def _edges(centres: Array) -> list[float]:
 
 
 def _realisation(data: xarray.Dataset) -> Cells:
-    """Return the tiles of the realisation nearest to the median, with all fields over tiles."""
+    """Return the tiles of the realisation with the leakage nearest to the median, with all fields over tiles."""
     step_count = data.sizes["step"]
     cell_data = {}
     for variable in data.data_vars.values():
