@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 #: Cells whose permeability is more than this many decades below the highest permeability are not drawn.
 _PERMEABILITY_DECADES = 6
-#: Factor by which the permeability axis extends beyond the values at both ends.
+#: Factor by which the permeability axis extends below the lowest and above the highest permeability.
 _PERMEABILITY_MARGIN = 1.5
 #: Height of the axes of each panel, and height of the space for the colours of the loads above the panels [inch].
 _AXES_HEIGHT, _LOADS_HEIGHT = 2.3, 0.62
@@ -33,7 +33,7 @@ _MOST_VECTOR_POINTS = 2000
 _LABEL_WIDTH = 0.115
 #: Distance of the bar with the colours of the loads from the panel, and its height [inch].
 _LOAD_BAR_DISTANCE, _LOAD_BAR_HEIGHT = 0.02, 0.075
-#: Width of a character in the labels of this bar [inch].
+#: Width of a character in the labels of the bar with the colours of the loads [inch].
 _CHARACTER_WIDTH = 0.07
 #: The axis of pressures is linear below this fraction of the lowest load, so that it begins at 0.
 _LINEAR_FRACTION = 0.2
@@ -66,7 +66,10 @@ class _CellValues:
 
     @property
     def branches(self) -> list[tuple[str, Indices]]:
-        """Name and state indices of each branch. An unloading begins with the state from which the seal is unloaded."""
+        """Name and state indices of each branch of the load cycle.
+
+        The first state of an unloading branch is the state at the peak load.
+        """
         return branches(self.nominal_pressure, self.peaks)
 
     @property
@@ -84,10 +87,11 @@ class _CellValues:
 def cells_figure(results: Results) -> Figure:
     """Draw the permeability of the cells towards the outlet against their mean gap and their contact pressure.
 
-    Sealed cells are left out, and so are cells whose permeability is less than a millionth of the highest one. The line
-    in the first panel is the permeability h̄³/12 of parallel plates, which cells with wide gaps approach. The lines in
-    the second panel are the medians of the open cells at each load. For a stochastic run, the picture shows all cells
-    that a realisation can contain. For a two-scale run, it shows the cells of the surface at each load.
+    Sealed cells are left out, and cells whose permeability is less than a millionth of the highest permeability. The
+    line in the first panel is the permeability h̄³/12 of parallel plates with the gap h̄. The permeability of cells with
+    wide gaps approaches this line. The lines in the second panel are the median permeabilities of the open cells at
+    each load. For a stochastic run, the picture shows all cells that a realisation can contain. For a two-scale run,
+    the picture shows the cells of the surface at each load.
 
     Parameters
     ----------
@@ -114,7 +118,7 @@ def cells_figure(results: Results) -> Figure:
 
 
 def _add_load_bar(axes: Axes, cells: _CellValues, results: Results) -> None:
-    """Draw a bar above the axes with the colours of the loads. As many loads are labelled as there is room for."""
+    """Draw a bar above the axes with the colours of the loads. Labels for which there is no room are left out."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
@@ -197,7 +201,7 @@ def _draw_over_gap(axes: Axes, cells: _CellValues) -> None:
 
 
 def _draw_over_contact_pressure(axes: Axes, cells: _CellValues) -> None:
-    """Draw the permeability of the cells against their contact pressure, and the medians at each load as lines."""
+    """Draw the permeability of the cells against their contact pressure, and the median permeability as lines."""
     axes.set_xlabel("mean contact pressure of the cell [MPa]")
     pressure = cells.pressure / 1e6  # MPa, (state, cell)
     is_drawn = _are_permeable(cells)
@@ -217,7 +221,7 @@ def _draw_over_contact_pressure(axes: Axes, cells: _CellValues) -> None:
 
 
 def _are_permeable(cells: _CellValues) -> Flags:
-    """Return whether the permeability of each cell is not much below the highest one, (state, cell)."""
+    """Return whether the permeability of each cell is more than a millionth of the highest, (state, cell)."""
     k = cells.permeability
     with np.errstate(invalid="ignore"):
         return np.asarray(k > np.nanmax(k, initial=0.0) * 10.0**-_PERMEABILITY_DECADES)
@@ -233,13 +237,13 @@ def _begin_panel(axes: Axes, is_drawn: Flags) -> None:
 
 
 def _set_permeability_axis(axes: Axes, lowest: float, highest: float) -> None:
-    """Set the range of the permeability axis, which is logarithmic."""
+    """Set the range of the logarithmic permeability axis."""
     axes.set(yscale="log", ylim=(lowest / _PERMEABILITY_MARGIN, highest * _PERMEABILITY_MARGIN))
     label_decades(axes.yaxis)
 
 
 def _draw_points(axes: Axes, cells: _CellValues, x: Array, is_drawn: Flags) -> list[Any]:
-    """Draw a point for each open cell in each state, and return handles for a legend of the branches.
+    """Draw a point for each open cell in each contact state, and return handles for a legend of the branches.
 
     x : position of each point along the horizontal axis, (state, cell).
     """
@@ -274,7 +278,7 @@ def _draw_points(axes: Axes, cells: _CellValues, x: Array, is_drawn: Flags) -> l
 
 
 def _draw_parallel_plates(axes: Axes, gaps_um: Pair) -> Any:
-    """Draw the permeability of parallel plates over a range of gaps [µm], and set the axis to this range."""
+    """Draw the permeability of parallel plates against their gap, and limit the horizontal axis to `gaps_um` [µm]."""
     gap_um = np.geomspace(gaps_um[0] / 1.1, gaps_um[1] * 1.1, 50)
     plates = cubic_law(gap_um * 1e-6)
     label = r"parallel plates, $\bar h^3/12$"

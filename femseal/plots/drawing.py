@@ -1,8 +1,8 @@
 """Draw what all pictures have in common: figures with panels, legends, load axes and length axes.
 
-The style of the pictures is defined in `style`. Panels are stacked, so that a picture can also be read on a phone.
-Pictures can be read without colours, because the colours differ in lightness, and the branches of a load cycle differ
-in line style and marker.
+The module `style` defines fonts, sizes and colours. The panels of a picture are placed one below the other, so that the
+picture can also be read on a phone. Pictures can be read without colours, because the colours differ in lightness, and
+the branches of a load cycle differ in line style and marker.
 """
 
 from __future__ import annotations
@@ -56,9 +56,10 @@ MAP = Margins(0.5, 0.12, 0.4, 0.52)
 
 
 class Sheet:
-    """Make a figure whose panels are stacked at fixed positions. Several panels are labelled (a), (b), …
+    """Make a figure whose panels are placed one below the other at fixed positions.
 
-    The automatic layout of matplotlib is not used, because it draws every figure twice.
+    If the figure has several panels, they are labelled (a), (b), … The automatic layout of matplotlib is not used,
+    because it draws every figure twice.
 
     Parameters
     ----------
@@ -78,7 +79,7 @@ class Sheet:
         self.figure = Figure(figsize=(PAGE, self.height), dpi=dpi)
 
     def panel(self, row: int, margins: Margins) -> Axes:
-        """Add the axes of a panel; `row` is its number from the top, beginning with 0."""
+        """Add the axes of the panel with the number `row`, counted from the top and from 0."""
         below = sum(self.heights[row + 1 :])
         width = PAGE - margins.left - margins.right
         height = max(self.heights[row] - margins.bottom - margins.top, 0.1)
@@ -141,7 +142,7 @@ def legend_below(
 
 
 def length_unit(longest: float) -> tuple[float, str]:
-    """Choose the unit of length of a map or a profile by its longest side [m]; return its value [m] and its name.
+    """Choose the unit of length of a map or a profile by its longest side [m]; return the unit in m, and its name.
 
     >>> length_unit(3e-4), length_unit(0.02)
     ((1e-06, 'µm'), (0.001, 'mm'))
@@ -152,7 +153,7 @@ def length_unit(longest: float) -> tuple[float, str]:
 
 
 def add_grid(axes: Axes) -> None:
-    """Draw grid lines below all lines and points."""
+    """Add grid lines to the axes, behind all lines and points."""
     axes.grid(visible=True)
     axes.set_axisbelow(True)
 
@@ -160,9 +161,9 @@ def add_grid(axes: Axes) -> None:
 def set_load_axis(axes: Axes, loads: Array) -> None:
     """Set the scale of the x axis, and put a tick with a label at every load.
 
-    The axis is logarithmic if there are several loads. A load of 0 is placed to the left of the logarithmic part. If
-    labels would touch each other, all labels are turned upright, and labels of loads that are very close to each other
-    are moved apart.
+    The axis is logarithmic if several loads are given. A load of 0 is placed to the left of the logarithmic part of the
+    axis. If labels would touch each other, all labels are turned by 90°, and labels of loads that are very close to
+    each other are moved apart.
 
     Parameters
     ----------
@@ -235,7 +236,7 @@ def spread(positions: Array, distance: float) -> Array:
 
 
 def label_decades(axis: Axis) -> None:
-    """Label a logarithmic axis with plain numbers if they are short, and otherwise with powers of ten."""
+    """Label a logarithmic axis: write short numbers as plain numbers, and all other numbers as powers of ten."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     low, high = axis.get_view_interval()
@@ -251,7 +252,7 @@ def label_decades(axis: Axis) -> None:
 
 
 def shown(figure: Figure) -> Figure:
-    """Register a figure with pyplot, so that `pyplot.show()` opens it, and that a notebook shows it only once."""
+    """Register a figure with pyplot, so that `pyplot.show()` shows the figure, and a notebook shows it only once."""
     from matplotlib import pyplot
 
     # pyplot only registers figures that it has created; this "class" makes it use the existing figure as the new one
@@ -262,7 +263,10 @@ def shown(figure: Figure) -> Figure:
 
 
 def _show_in_notebook(figure: Figure) -> None:
-    """Display a figure below the notebook cell that returns it. Close it, so that pyplot does not show it again."""
+    """Display a figure below the notebook cell that returns the figure.
+
+    The figure is closed in pyplot, which would otherwise show the figure a second time.
+    """
     from IPython.display import display
     from matplotlib import pyplot
 
@@ -274,19 +278,19 @@ def _show_in_notebook(figure: Figure) -> None:
 
 @singledispatch
 def _draw(result: Any) -> Figure:
-    """Raise an InputError, because no drawing function is registered for results of this class."""
+    """Raise an InputError, because no drawing function is registered for the class of `result`."""
     raise InputError("plot", f"a {type(result).__name__}", "a result that has a picture")
 
 
 def shows(result_class: type) -> Callable[[Callable[..., Figure]], Callable[..., Figure]]:
     """Return a decorator that registers a drawing function for a class of results.
 
-    The function then draws in the style of femseal when `plot()` is called for a result of this class. Its first
-    argument is the result. Its further arguments are options of `plot()`.
+    The method `plot()` of the class calls the registered function, with the style of femseal. The first argument of the
+    function must be the result. The further arguments of the function become options of `plot()`.
     """
 
     def register(draw: Callable[..., Figure]) -> Callable[..., Figure]:
-        """Register the function for `result_class`, and return it with the style of femseal."""
+        """Register the function `draw` for `result_class`; return a function that draws with the style of femseal."""
         draw_in_style = styled(draw)
         _draw.register(result_class, draw_in_style)
         return draw_in_style
@@ -302,7 +306,7 @@ def picture(result: Any, **options: Any) -> Figure:
     result : object
         Result of a class that has a picture.
     **options
-        Options of the function that draws this picture, such as `ax`.
+        Options of the drawing function for the class of `result`, such as `ax`.
 
     Returns
     -------
@@ -311,8 +315,8 @@ def picture(result: Any, **options: Any) -> Figure:
     Raises
     ------
     InputError
-        The class has no picture, or its picture does not have one of the options. For example, a picture of several
-        panels cannot be drawn into `ax`.
+        No drawing function is registered for the class of `result`, or the drawing function does not have a given
+        option. For example, a picture of several panels has no option `ax`.
     """
     draw = _draw.dispatch(type(result))
     possible_options = list(signature(draw).parameters)[1:]  # the first parameter is the result

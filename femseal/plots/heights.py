@@ -1,7 +1,7 @@
 """Draw heights: maps, profiles and spectral densities, and the survey of a measured face.
 
-A map of heights is a shaded relief, lit from the upper left. Its colour scale covers nearly all points. The few points
-that are far above or far below it have special colours.
+A map of heights is a shaded relief, lit from the upper left. The colour scale of the map covers the heights of nearly
+all points. The few points that are much higher or much lower than the colour scale have special colours.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _TWO_LINES = replace(LINES, left=LINES.left + 0.1)
 MOST_POINTS = 1024
 #: The colour scale covers at least the heights between these percentiles.
 _PERCENTILES = (0.5, 99.5)
-#: The colour scale can extend beyond each percentile by this fraction of the distance between them.
+#: The colour scale can extend beyond each percentile by this fraction of the distance between the two percentiles.
 _RANGE_MARGIN = 0.25
 #: Colours of the points above and below the range of a map: red and light blue.
 ABOVE, BELOW = "#E31A1C", "#00D5FF"
@@ -47,7 +47,7 @@ _WAVELENGTH = "wavelength $2\\pi/q$ [µm]"
 
 
 def height_range(heights: NDArray) -> Pair:
-    """Find the range of the heights, leaving out a few outliers.
+    """Find the lowest and the highest height of a surface, leaving out a few outliers.
 
     Parameters
     ----------
@@ -57,8 +57,8 @@ def height_range(heights: NDArray) -> Pair:
     Returns
     -------
     low, high : float
-        Lowest and highest of the heights that are not outliers. Outliers are far outside the range from the 0.5th to
-        the 99.5th percentile.
+        Lowest and highest height that is not an outlier. Outliers are heights far outside the range from the 0.5th to
+        the 99.5th percentile of the heights.
     """
     z = heights[~np.isnan(heights)]
     if not z.size:
@@ -117,9 +117,9 @@ def draw_heights(axes: Axes, heights: NDArray, size: Pair, name: str = "height [
 
 
 def _draw_relief(axes: Axes, heights: NDArray) -> None:
-    """Shade the map in the axes by the slopes of its heights.
+    """Shade the map of heights in the axes, like a relief that is lit from the upper left.
 
-    heights : heights as an image, (rows from below, columns).
+    heights : heights in the orientation of the picture, (row, column), with the lowest row of the picture first.
     """
     image = axes.images[0]
     left, right, bottom, top = image.get_extent()
@@ -155,8 +155,8 @@ def heights_figure(topography: Surface) -> Figure:
     Parameters
     ----------
     topography : Topography or Patches
-        Surface whose heights are drawn. If it has undefined points, the spectral densities are left out. If it consists
-        of several measured patches, the spectral densities are those of the longest patch.
+        Surface whose heights are drawn. For a surface with undefined points, the spectral densities are left out. For
+        several measured patches, the spectral densities are computed from the longest patch.
 
     Returns
     -------
@@ -179,7 +179,7 @@ def heights_figure(topography: Surface) -> Figure:
 
 
 def _write_in_the_middle(axes: Axes, text: str) -> None:
-    """Write a text that explains why a panel is empty."""
+    """Write a text in the middle of an empty panel."""
     axes.annotate(text, (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY)
     axes.set(xticks=[], yticks=[])
 
@@ -228,18 +228,19 @@ def survey_figure(
     detrend: int | None = None,
     spikes: float = SPIKES,
 ) -> Figure:
-    """Draw a measured face: a map of its heights, their distribution, and two spectral densities.
+    """Draw a measured face: a map of the heights, their probability density, and two spectral densities.
 
     Parameters
     ----------
     topography : Topography
         Measured heights.
     report : SurfaceReport, optional
-        Description of this surface by `describe_surface`. Without it, the spectral densities are left out.
+        Description of the face by `describe_surface`. Without `report`, the spectral densities are left out.
     conditioning : Conditioning, optional
-        Report of `condition` on this surface. If it is given, the shortest wave that a run keeps is marked.
+        Report of `condition` on the face. With `conditioning`, the figure marks the cut-off wavelength of the low-pass
+        filter that a run applies.
     detrend : int, optional
-        Order of the form that is removed, see `condition`.
+        Order of the polynomial that is subtracted from the heights, see `condition`.
     spikes : float
         Threshold for the detection of spikes, see `condition`.
 
@@ -266,7 +267,7 @@ def survey_figure(
 
 
 def _draw_measured_map(axes: Axes, measured: Topography, is_spike: Flags) -> None:
-    """Draw a map of the measured heights, with a dot at every point at which `is_spike` (n1, n2) is True."""
+    """Draw a map of the measured heights, with a dot at every spike, where `is_spike` (n1, n2) is True."""
     draw_heights(axes, measured.heights * 1e6, measured.size, "levelled height [µm]")
     notes = []
     if measured.undefined_fraction:
@@ -290,7 +291,7 @@ def _draw_measured_map(axes: Axes, measured: Topography, is_spike: Flags) -> Non
 
 
 def _draw_histogram(axes: Axes, measured: Topography) -> None:
-    """Draw the probability density of the heights about their mean, on a logarithmic scale."""
+    """Draw the probability density of the heights, measured from their mean, on a logarithmic axis."""
     axes.set(xlabel="height [µm]", ylabel="probability\ndensity [1/µm]")
     z = measured.heights[~np.isnan(measured.heights)] * 1e6
     if not z.size:
@@ -308,8 +309,8 @@ def _draw_radial_density(
 ) -> None:
     """Draw the spectral density averaged over directions.
 
-    Three results are marked: the fitted power law, the shortest measured wave, and the shortest wave that the filter of
-    a run keeps.
+    The panel also shows the fitted power law, the shortest measured wavelength, and the cut-off wavelength of the
+    low-pass filter that a run applies.
     """
     q, density = complete.radial_psd()
     is_drawn = (q > 0) & (density > density.max(initial=0.0) * 1e-14)

@@ -86,7 +86,7 @@ def realisations_figure(
 ) -> Figure:
     """Draw the median leakage of the realisations against nominal pressure.
 
-    The range between the 5 % and the 95 % quantile is shaded if there are enough realisations.
+    If the study has enough realisations, the area between the 5 % and the 95 % quantile of their leakages is shaded.
 
     Parameters
     ----------
@@ -123,17 +123,17 @@ def realisations_figure(
 def leakage_figure(results: Results, ax: Axes | None = None, label: str | None = None) -> Figure:
     """Draw the magnitude of the leakage of a run against load.
 
-    The load is the force if the case states forces, and otherwise the nominal pressure. Loads without leakage are
-    marked in a strip below the scale. The shaded area is the 95 % interval, or the scatter between the realisations if
-    the run has no error budget.
+    The load axis shows forces if the loads of the case are forces, and nominal pressures otherwise. Loads without
+    leakage are marked in a strip at the bottom of the axes. The shaded area is the 95 % interval. If the run has no
+    error budget, the shaded area is the scatter between the realisations.
 
     Parameters
     ----------
     results : Results
         Results of a run.
     ax : Axes, optional
-        Axes to draw into, in order to compare several runs; the load is then the nominal pressure. By default, the axes
-        are those of a new figure.
+        Axes to draw into, so that several runs can be compared in one figure; the load axis then shows nominal
+        pressures. By default, a new figure is made.
     label : str, optional
         Name of the run in the legend.
 
@@ -145,7 +145,7 @@ def leakage_figure(results: Results, ax: Axes | None = None, label: str | None =
 
 
 def leakage_curves(results: Results) -> LeakageCurves:
-    """Collect the leakages of a run that are drawn in its picture."""
+    """Collect the leakages, intervals and class limits that the leakage figure of a run shows."""
     data = results.dataset
     budget = results.budget
     band = None
@@ -228,26 +228,26 @@ def _class_limits(data: xarray.Dataset) -> dict[str, float]:
 
 
 def _method_title(results: Results) -> str:
-    """Return the name of the method whose leakage the main curve of a run shows."""
+    """Return the name of the method that has computed the leakage of the main curve."""
     return "median of the realisations" if results.method == "median" else results.method
 
 
 def _scatter_name(low: float, high: float) -> str:
-    """Return the name of the range between two quantiles of the leakage of the realisations."""
+    """Return a legend text for the area between two quantiles of the leakage of the realisations."""
     return f"scatter between seals,\n{100 * low:g} – {100 * high:g} %"
 
 
 def _readable_scale(leakage: Array) -> tuple[float, str]:
-    """Choose a unit in which leakages [m²/s] are readable; return its value in m²/s and the name of the axis."""
+    """Choose a readable unit for leakages [m²/s]; return the unit in m²/s, and the name of the leakage axis."""
     factor, unit = leakage_unit(leakage)
     return factor, f"leakage per length of seal [{unit}]"
 
 
 def _run_scale(results: Results) -> tuple[float, str]:
-    """Return the value of the leakage unit of a run [m²/s], and the name of the leakage axis.
+    """Return the leakage unit of a run in m²/s, and the name of the leakage axis.
 
-    For a gas, the name also contains the pressure at which its volume is measured. If the fluid flows from the outlet
-    to the inlet, the name says so.
+    If the leakage is the volume flow rate of a gas, the name of the axis states the pressure to which the volume
+    refers. If the fluid flows from the outlet to the inlet, the name of the axis states this direction.
     """
     unit, factor = results.leak_scale
     attrs = results.dataset.attrs

@@ -15,7 +15,7 @@ from .style import GREY, branch_styles
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Largest factor by which the ends of 95 % intervals extend the scale beyond the leakages.
+#: The ends of 95 % intervals can extend the leakage axis beyond the leakages by at most this factor.
 _FARTHEST_END = 10.0
 #: The limits of leakage classes can extend the scale beyond leakages and intervals by at most this factor.
 _FARTHEST_LIMIT = 30.0
@@ -23,15 +23,15 @@ _FARTHEST_LIMIT = 30.0
 _NAME_HEIGHT = 0.05
 #: Height of the strip for sealed loads at the bottom of the axis, as a fraction of the axis.
 _STRIP = 0.12
-#: Heights of the markers and of the word "sealed" in this strip, as fractions of the strip.
+#: Heights of the markers and of the word "sealed" in the strip for sealed loads, as fractions of the strip.
 _MARKER_IN_STRIP, _NAME_IN_STRIP = 0.28, 0.7
 #: Largest and smallest number of decades that the leakage axis covers, without its margins.
 _MOST_DECADES, _FEWEST_DECADES = 15, 0.5
 #: Margins of the leakage axis below and above the values, as fractions of the decades that they cover.
 _BOTTOM_MARGIN, _TOP_MARGIN = 0.05, 0.06
-#: Marker, and its size, of each method that is drawn as single points in addition to the main curve.
+#: Marker and marker size of each method whose leakages are drawn as single points in addition to the main curve.
 _STUDY_MARKERS = {"two-scale": ("D", 5.5), "deterministic": ("x", 4), "blocks": ("s", 5)}
-#: Unit of an axis on which several results are drawn [m²/s], and the name of this axis.
+#: Unit [m²/s] and name of a leakage axis on which several results are drawn.
 COMMON_SCALE = (1.0, "leakage per length of seal [m²/s]")
 
 
@@ -50,17 +50,19 @@ class LeakageCurves:
     title : str
         Name of the main curve.
     band : pair of arrays (steps,), optional
-        Lower and upper limit of the shaded area around the main curve [m²/s].
+        Leakage at the lower and at the upper edge of the shaded area around the main curve [m²/s].
     band_name : str
         Name of the shaded area in the legend.
     other_methods : dict of arrays (steps,)
-        Leakages computed by other methods [m²/s], by the names of the methods. They are drawn as markers without lines.
+        Leakages computed by other methods [m²/s], by the names of the methods. The leakages of other methods are drawn
+        as markers without lines.
     limits : dict of float
         Limits of leakage classes [m²/s], by the names of the classes.
     scale : pair (float, str)
-        Value of the unit of the leakage axis [m²/s], and the name of the axis with this unit.
+        Unit of the leakage axis [m²/s], and the name of the axis, which includes the name of the unit.
     force : ForceScale, optional
-        If the loads of the case are forces: their unit, and the force in this unit for a nominal pressure of 1 Pa.
+        Unit of force, and the force in this unit for a nominal pressure of 1 Pa. None if the loads of the case are
+        nominal pressures.
     """
 
     pressure: Array
@@ -76,9 +78,9 @@ class LeakageCurves:
 
     @property
     def branches(self) -> list[tuple[str, Indices]]:
-        """Name and step indices of each branch: the loading, and each unloading.
+        """Name and step indices of each branch of the load cycle: the loading, and each unloading.
 
-        The name of an unloading contains the load from which the seal is unloaded, "unloading from 300 MPa".
+        The name of an unloading branch contains the peak load, for example "unloading from 300 MPa".
         """
         loading, *unloadings = branches(self.pressure, self.peaks)
         if self.force is None:
@@ -92,7 +94,7 @@ class LeakageCurves:
 
     @property
     def load_scale(self) -> tuple[str, float]:
-        """Name of the load axis, and the load on this axis for a nominal pressure of 1 Pa."""
+        """Name of the load axis, and the factor that converts a nominal pressure [Pa] to the unit of the axis."""
         if self.force is None:
             return "nominal pressure [MPa]", 1e-6
         unit, factor = self.force
@@ -100,7 +102,7 @@ class LeakageCurves:
 
     @property
     def range(self) -> Array:
-        """Absolute values [m²/s] that the leakage axis must cover."""
+        """Absolute values of leakages, interval ends and class limits [m²/s] that the leakage axis must show."""
         leakages = np.abs(np.concatenate([self.leakage, *self.other_methods.values()]))
         ends = np.abs(np.concatenate(self.band)) if self.band is not None else np.empty(0)
         covered = with_near_ends(leakages, ends)
@@ -115,18 +117,18 @@ class LeakageCurves:
 
 
 def with_near_ends(leakages: Array, ends: Array) -> Array:
-    """Return all values that an axis must show: the leakages, and the ends of their 95 % intervals.
+    """Return all values that a leakage axis must show: the leakages, and the ends of their 95 % intervals.
 
-    Ends are limited to the range from a tenth of the lowest leakage to ten times the highest leakage. Otherwise a wide
-    interval would compress the curves.
+    The ends of the intervals are limited to the range from a tenth of the lowest leakage to ten times the highest
+    leakage. Without this limit, a very wide interval would extend the axis so much that the curves could not be read.
 
     Parameters
     ----------
     leakages : array (any length,)
         Absolute values of the leakages.
     ends : array (any length,)
-        Absolute values of the ends of the intervals, in the same unit. Ends that are unknown (NaN), infinite or 0 are
-        left out.
+        Absolute values of the lower and upper ends of the intervals, in the unit of `leakages`. Values that are unknown
+        (NaN), infinite or 0 are left out.
     """
     positive = leakages[np.isfinite(leakages) & (leakages > 0)]
     if not positive.size:
@@ -140,8 +142,8 @@ def with_near_ends(leakages: Array, ends: Array) -> Array:
 def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[Any]:
     """Draw the absolute value of the leakage against load on a logarithmic scale.
 
-    Loads without leakage are marked in a strip below the scale. If the axes already contain curves, the scale is
-    extended to cover these as well.
+    Loads without leakage are marked in a strip at the bottom of the axes. If the axes already contain curves, the
+    leakage axis is extended so that the earlier curves remain visible.
 
     Parameters
     ----------
@@ -150,7 +152,7 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
     curves : LeakageCurves
         Leakages to draw.
     label : str
-        Text before the names of the branches in the legend.
+        Text that is written before the name of each branch in the legend.
 
     Returns
     -------
@@ -195,12 +197,14 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
 
 
 def set_leakage_axis(axes: Axes, values: Array) -> None:
-    """Set up the y axis as a logarithmic leakage axis. If some values are 0, add a strip for them below the scale.
+    """Set up the y axis as a logarithmic leakage axis.
+
+    If some values are 0, a strip for sealed loads is added at the bottom of the axes.
 
     Parameters
     ----------
     axes : Axes
-        Axes whose y axis is set.
+        Axes whose y axis is set up.
     values : array (any length,)
         Absolute values of leakages, in the unit of the axis; NaN is ignored.
     """
@@ -229,7 +233,7 @@ def set_leakage_axis(axes: Axes, values: Array) -> None:
 
 
 def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
-    """Draw leakages >= 0 as a line. Where the leakage is 0, draw a marker in the strip below the scale instead.
+    """Draw leakages >= 0 against load as a line. A leakage of 0 is drawn as a marker in the strip for sealed loads.
 
     Parameters
     ----------
@@ -243,7 +247,7 @@ def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
     Returns
     -------
     Line2D
-        Line through the leakages above 0.
+        Line through the positive leakages.
     """
     (line,) = axes.plot(load, np.where(leakage > 0, leakage, np.nan), **style)
     sealed_loads = load[leakage == 0]
@@ -256,9 +260,9 @@ def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
 
 
 def leakage_band(axes: Axes, load: Array, low: Array, high: Array, colour: Any) -> None:
-    """Shade the area between two curves of leakage, (steps,) each. If there is only one load, draw a bar instead.
+    """Shade the area between two leakage curves `low` and `high`, (steps,), within the range of the y axis.
 
-    The area is limited to the range of the y axis.
+    For a single load, a vertical bar is drawn instead of an area.
     """
     low, high = _within_scale(axes, low, high)
     if len(load) > 1:
@@ -268,13 +272,16 @@ def leakage_band(axes: Axes, load: Array, low: Array, high: Array, colour: Any) 
 
 
 def leakage_bars(axes: Axes, load: Array, low: Array, high: Array, colour: Any) -> None:
-    """Draw intervals of leakages (steps,) as thin vertical bars, limited to the scale."""
+    """Draw an interval of the leakage from `low` to `high` at each load, (steps,), as a thin vertical bar.
+
+    The bars are limited to the range of the y axis.
+    """
     low, high = _within_scale(axes, low, high)
     axes.vlines(load, low, high, color=colour, lw=0.9, alpha=0.75)
 
 
 def _within_scale(axes: Axes, low: Array, high: Array) -> tuple[Array, Array]:
-    """Return the absolute values of both ends of an interval, limited to the range of the y axis."""
+    """Return the absolute values of the lower and upper ends of intervals, limited to the range of the y axis."""
     bottom, top = axes.get_ylim()
     return np.clip(np.abs(low), bottom, top), np.clip(np.abs(high), bottom, top)
 
@@ -288,16 +295,17 @@ def limits_width(limits: dict[str, float]) -> float:
 
 
 def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
-    """Draw a horizontal line for every limit within the scale, with its name to the right of the axes.
+    """Draw a horizontal line for the limit of each leakage class, with the name of the class to the right of the axes.
 
-    Names that would overlap are written as one text, separated by commas.
+    Limits outside the range of the y axis are left out. Names that would overlap are written as one text, separated by
+    commas.
 
     Parameters
     ----------
     axes : Axes
         Axes to draw into.
     limits : dict of float
-        Limits in the unit of the y axis, by their names.
+        Limits in the unit of the y axis, by the names of the leakage classes.
     """
     low, high = axes.get_ylim()
     names_by_row: dict[int, list[str]] = {}

@@ -41,7 +41,7 @@ def draw_map(
 ) -> Any:
     """Draw values over a rectangular face as colours.
 
-    The map of a face that is much longer along x2 than along x1 is turned on its side, see `on_its_side`.
+    If a face is much longer along x2 than along x1, the map is turned by 90°, see `on_its_side`.
 
     Parameters
     ----------
@@ -58,9 +58,9 @@ def draw_map(
     unit : str
         Unit of length on the axes.
     key : mapping of str, optional
-        Legend for the points without a value. It maps the meaning of these points, such as "contact", to their colour.
+        Legend for points without a value: a colour for each text that explains such points, for example "contact".
     **scale
-        Range or norm of the colours, as keyword arguments for `Axes.imshow`.
+        Range or norm of the colour scale, as keyword arguments for `Axes.imshow`.
 
     Returns
     -------
@@ -93,16 +93,17 @@ def draw_map(
 
 
 def to_image(values: Array, size: Pair) -> Array:
-    """Arrange values (n1, n2, …) for `imshow`: x1 is horizontal, unless the map is turned on its side."""
+    """Arrange values (n1, n2, …) for `imshow`, so that x1 is horizontal, or vertical if the map is turned by 90°."""
     is_turned = on_its_side(size) != tuple(size)
     return values if is_turned else np.swapaxes(values, 0, 1)
 
 
 def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
-    """Return the argument `interpolation` of `imshow` for a map with this shape.
+    """Return the argument `interpolation` of `imshow` for a map with `shape` pixels.
 
-    If the map has at most as many pixels as its panel, it is not interpolated, and every pixel of the map has a single
-    colour, even when a vector picture is enlarged. If the map has more pixels, it is averaged.
+    If the map has fewer pixels than the panel, the map is not interpolated. Each pixel of the map then has a single
+    colour, even if a vector picture is enlarged. If the map has more pixels than the panel, neighbouring pixels are
+    averaged.
     """
     figure = figure_of(axes)
     width, height = axes.get_position().size * figure.get_size_inches() * figure.dpi
@@ -110,13 +111,16 @@ def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
 
 
 def map_dpi(shape: tuple[int, ...], margins: Margins = MAP) -> float:
-    """Return a resolution [pixels per inch] at which the picture shows each pixel of a map, within limits."""
+    """Return a resolution [pixels per inch] at which each pixel of a map is visible, limited to `DPI` to `MOST_DPI`."""
     width = PAGE - margins.left - margins.right
     return float(np.clip(max(shape) / width, DPI, MOST_DPI))
 
 
 def on_its_side(size: Pair) -> Pair:
-    """Return width and height of a map with the sides (x1, x2). A tall and narrow map is turned by 90°."""
+    """Return the width and the height of the map of a face with the sides `size` along x1 and x2.
+
+    If the map would be tall and narrow with x1 as its horizontal axis, the map is turned by 90°.
+    """
     if size[1] > _HIGHEST_UPRIGHT * size[0]:
         return size[1], size[0]
     return size[0], size[1]
@@ -125,8 +129,10 @@ def on_its_side(size: Pair) -> Pair:
 def map_row_height(size: Pair, margins: Margins = MAP) -> float:
     """Compute the height [inch] of a panel with a map, including the margins.
 
-    The map fills the width of the panel. Its height is at least `LOWEST_MAP`, so that a long map can still be read, and
-    at most its width. size : horizontal and vertical side of the map, in any unit.
+    The map fills the width of the panel. The height of the map is at least `LOWEST_MAP`, so that a long map can still
+    be read, and at most the width of the map.
+
+    size : horizontal and vertical side of the map, in any unit.
     """
     width = PAGE - margins.left - margins.right
     map_height = float(np.clip(width * size[1] / size[0], LOWEST_MAP, width))
@@ -154,7 +160,7 @@ def add_key(axes: Axes, key: Mapping[str, str]) -> None:
 
     The legend is to the right of the name of the colour bar.
 
-    key : colour of these points by their meaning, such as "contact".
+    key : colour for each text that explains such points, for example "contact".
     """
     from matplotlib.patches import Patch
 
@@ -190,8 +196,8 @@ def clip_to_decades(values: Array, decades: int) -> tuple[Array, Any]:
     Returns
     -------
     values : array
-        Limited values. Positive values below the lower end of the scale become equal to this end. Values of 0 become a
-        value below the scale, so that they are drawn in the colour for values below the scale. NaN stays NaN.
+        Limited values. Positive values below the lower end of the colour scale are replaced by the lower end. Values of
+        0 are replaced by a value below the scale, for which the colour map has a special colour. NaN stays NaN.
     norm : LogNorm
         Colour scale.
     """
@@ -210,7 +216,10 @@ def clip_to_decades(values: Array, decades: int) -> tuple[Array, Any]:
 
 
 def colours_with_closed(name: str, colour: str = CLOSED) -> Any:
-    """Return a colour map of matplotlib in which `colour` marks undefined values and values below the range."""
+    """Return a colour map of matplotlib with a special colour for undefined values and values below the colour scale.
+
+    name : name of the colour map. colour : the special colour.
+    """
     from matplotlib import colormaps
 
     return colormaps[name].with_extremes(bad=colour, under=colour)

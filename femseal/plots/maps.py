@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-#: Largest field over the pixels that is averaged for a map [pixels]. A larger field would take too much memory.
+#: Largest number of pixels of a field that is averaged for a map. A larger field would take too much memory.
 _LARGEST_FIELD = 4096 * 4096
 #: Colour of the flow in maps of the fluid pressure.
 _FLOW = "#D7191C"
@@ -53,10 +53,12 @@ _FLOW = "#D7191C"
 
 
 def default_step(data: xarray.Dataset) -> int:
-    """Return the index of the step with the highest load that still leaks, 0 if no step leaks.
+    """Return the index of the load step that pictures show by default: the highest load at which the seal leaks.
 
-    Near closing, the surface may leak only along a path that winds through several cells, so that no single cell and no
-    tile of the realisation lets fluid pass. A lower load is then taken, at which the realisation shows a flow.
+    At such a load, the surface may leak only along a path that winds through several cells. In this case, no single
+    cell is permeable, and no fluid flows through the tiles of the realisation. If the results contain a realisation,
+    the highest load is therefore chosen at which fluid also flows through its tiles. If the seal leaks at no load, the
+    index is 0.
     """
     leaks = np.nan_to_num(surface_leakage(data)) != 0  # (step,)
     if "drawn_flux" in data:
@@ -74,15 +76,16 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
     """Draw contact pressure, gap and fluid pressure of the surface at one load, and the fluid pressure along x1.
 
     If the fields over the pixels are in memory or in the folder of the results, the maps show every pixel, up to 1024
-    along each side; otherwise they show means over blocks of pixels. The flow is drawn over the fluid pressure. If the
-    results have no fields over the surface, the realisation nearest to the median is drawn instead.
+    along each side. Otherwise, the maps show means over blocks of pixels. The map of the fluid pressure also shows the
+    flow. If the results have no fields over the surface, the realisation whose leakage is nearest to the median is
+    drawn instead.
 
     Parameters
     ----------
     results : Results
         Results of a run.
     step : int, optional
-        Index of the load step; by default the step with the highest load that still leaks.
+        Index of the load step; by default the step with the highest load at which the seal leaks.
 
     Returns
     -------
@@ -91,7 +94,7 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
     Raises
     ------
     InputError
-        The results contain no maps, or there is no such step.
+        The results contain no maps, or have no load step with this index.
     """
     data = results.dataset
     if "face_gap" not in data and "drawn_corners" not in data:
@@ -124,10 +127,10 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
 def surface_fields(results: Results, step: int) -> list[Array]:
     """Return the contact pressure [Pa], the gap [m] and the fluid pressure [Pa] of the surface at a load step.
 
-    Each of them is an array (n1, n2).
-
-    If these fields are in memory or in the folder of the results, there is a value for each pixel. Otherwise the values
-    are the means over blocks of pixels in the dataset. Fields with more pixels than a picture can show are averaged.
+    The three fields are arrays of the same shape (n1, n2). If the fields over the pixels are in memory or in the folder
+    of the results, the arrays contain a value for each pixel. If a picture cannot show so many pixels, the fields are
+    averaged. If the fields over the pixels are not available, the arrays contain the means over blocks of pixels from
+    the dataset.
     """
     names = ("contact_pressure", "gap", "fluid_pressure")
     if step in stored_steps(results):
@@ -159,7 +162,7 @@ def surface_figure(data: xarray.Dataset) -> Figure:
 def patch_figure(data: xarray.Dataset) -> Figure:
     """Draw the heights of the measured patch that leaks most.
 
-    If the gap of this patch is known, it is drawn as well, at the highest load at which the seal leaks.
+    If the results contain the gap of the patch, a second map shows the gap at the highest load at which the seal leaks.
     """
     size = sides(data, "patch")
     has_gaps = "patch_gap" in data
@@ -179,7 +182,7 @@ def patch_figure(data: xarray.Dataset) -> Figure:
 def sides(data: xarray.Dataset, part: str = "face") -> Pair:
     """Return the sides [m] of the surface ("face"), or of the patch that `patch_figure` draws ("patch").
 
-    They are computed from the coordinates of the blocks of pixels, which are the centres of the blocks.
+    The dataset contains the coordinates of the centres of blocks of pixels, from which the sides are computed.
     """
     x1 = data[f"{part}1"].values
     x2 = data[f"{part}2"].values
@@ -205,9 +208,9 @@ def _draw_gap(axes: Axes, gap: Array, size: Pair) -> None:
 
 
 def _draw_fluid_pressure_and_flow(axes: Axes, pressure: Array, gap: Array, size: Pair) -> None:
-    """Draw a map of the fluid pressure (n1, n2) [Pa], and the flow on top of it.
+    """Draw a map of the fluid pressure (n1, n2) [Pa], and the flow over the map.
 
-    The flow has a single colour. The larger the flow, the more opaque is this colour.
+    The flow is drawn in red. The larger the flow at a pixel, the more opaque is the red.
     """
     from matplotlib.colors import to_rgb
 
@@ -231,22 +234,23 @@ def _draw_fluid_pressure_and_flow(axes: Axes, pressure: Array, gap: Array, size:
 def relative_flow(gap: Array, pressure: Array, size: Pair) -> Array:
     """Compute the flow per unit width at each pixel, divided by its largest value.
 
-    By the cubic law, the flow between two pixels is proportional to h³ Δp/Δx, with the harmonic mean of h³ in both
-    pixels. The flow at a pixel is the mean of the flow from the previous pixel and the flow to the next one.
+    By the cubic law, the flow between two neighbouring pixels is proportional to h³ Δp/Δx. The value h³ is the harmonic
+    mean over the two pixels. Along each axis, the flow at a pixel is the mean of the flow from the previous pixel and
+    the flow to the next pixel.
 
     Parameters
     ----------
     gap : array (n1, n2)
         Gap in any unit; 0 in contact.
     pressure : array (n1, n2)
-        Fluid pressure in any unit, NaN where there is none.
+        Fluid pressure in any unit, NaN at points without a fluid pressure.
     size : pair of float
-        Sides of the surface.
+        Sides of the surface along x1 and x2, in any unit.
 
     Returns
     -------
     array (n1, n2)
-        Magnitude of the flow; 0 everywhere if nothing flows.
+        Magnitude of the flow divided by its largest value; 0 at all pixels if no fluid flows.
     """
     is_open = np.isfinite(pressure) & (gap > 0)
     conductivity = np.where(is_open, gap, 0.0) ** 3
@@ -262,8 +266,7 @@ def relative_flow(gap: Array, pressure: Array, size: Pair) -> Array:
         to_next = mean * (known - np.roll(known, -1, axis)) * gap.shape[axis] / side
         from_previous = np.roll(to_next, 1, axis)
         if axis == 0:
-            # x1 is not periodic: the flow at the inlet and at the outlet is that between the first and the last two
-            # rows
+            # x1 is not periodic: the first row has no previous row, and the last row has no next row
             to_next[-1] = from_previous[-1]
             from_previous[0] = to_next[0]
         squared += ((to_next + from_previous) / 2) ** 2
@@ -272,7 +275,7 @@ def relative_flow(gap: Array, pressure: Array, size: Pair) -> Array:
 
 
 def _in_unit(size: Pair) -> tuple[Pair, str]:
-    """Convert sides [m] to a readable unit, and return the name of the unit."""
+    """Convert the sides of a map [m] to a readable unit; return the sides, and the name of the unit."""
     unit, name = length_unit(max(size))
     return (size[0] / unit, size[1] / unit), name
 
@@ -287,7 +290,10 @@ def contact_figure(contact: Contact) -> Figure:
 
 
 def _contact_sheet(contact: Contact, head: float = 0.0) -> Sheet:
-    """Draw the maps of a contact into a figure. head : height of the space for a title [inch]."""
+    """Draw maps of the contact pressure and the gap of a contact into a new figure.
+
+    head : height of the space for a title [inch].
+    """
     spacing = contact.half_space.spacing
     size = (contact.gap.shape[0] * spacing[0], contact.gap.shape[1] * spacing[1])
     row_height = map_row_height(on_its_side(size))
@@ -299,7 +305,7 @@ def _contact_sheet(contact: Contact, head: float = 0.0) -> Sheet:
 
 @shows(LoadState)
 def state_figure(state: LoadState) -> Figure:
-    """Draw maps of the contact pressure and the gap at a step of a load cycle."""
+    """Draw maps of the contact pressure and the gap at one step of a load cycle."""
     sheet = _contact_sheet(state.contact, head=0.22)
     sheet.head(state.name)
     return sheet.figure
@@ -307,7 +313,7 @@ def state_figure(state: LoadState) -> Figure:
 
 @shows(LoadCycle)
 def cycle_figure(cycle: LoadCycle) -> Figure:
-    """Draw the fraction in contact and the mean gap against nominal pressure."""
+    """Draw the fraction of points in contact, and the mean gap, against the nominal pressure."""
     margins = LOADS
     sheet = Sheet([1.8 + margins.bottom + margins.top] * 2)
     contact_percent = np.array([100 * state.contact.area_fraction for state in cycle])
@@ -320,7 +326,7 @@ def cycle_figure(cycle: LoadCycle) -> Figure:
 
 
 def _draw_over_pressure(axes: Axes, cycle: LoadCycle, values: Array, name: str) -> None:
-    """Draw values (steps,) against nominal pressure, with a line for each branch of a load cycle."""
+    """Draw values of a load cycle (steps,) against the nominal pressure, with a line for each branch of the cycle."""
     pressure, peaks = pressures_and_peaks(cycle)
     cycle_branches = branches(pressure, peaks)
     styles = branch_styles(len(cycle_branches))
@@ -346,7 +352,7 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
     Raises
     ------
     InputError
-        The seal is a mesh, whose nodes do not form rows.
+        The leakage was computed on an unstructured mesh, whose nodes do not form rows.
     """
     if leakage.fluid_pressure.ndim != 2:
         given = f"the leakage of a mesh, with {leakage.fluid_pressure.size} nodes"
@@ -359,10 +365,10 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
 def _draw_fluid_pressure(
     values: Array, ax: Axes | None, name: str, unit: str, key: dict[str, str]
 ) -> Figure:
-    """Draw a map of a fluid pressure (n1, n2) into axes, by default those of a new figure.
+    """Draw a map of a fluid pressure (n1, n2) into axes, by default into the axes of a new figure.
 
-    unit : unit of the axes, "pixels" or "nodes". key : colour of the points without a pressure, by their meaning, such
-    as "pockets".
+    unit : unit of the axes, "pixels" or "nodes".
+    key : legend for points without a pressure: a colour for each text, such as "pockets".
     """
     n1, n2 = values.shape
     if ax is None:

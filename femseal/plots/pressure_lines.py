@@ -37,9 +37,9 @@ _LINE_STYLES = ("-", "--", ":", "-.")
 
 
 def surface_leakage(data: xarray.Dataset) -> Array:
-    """Return the leakage of the surface (steps,) [m²/s].
+    """Return the leakage of the surface at each load step (steps,) [m²/s].
 
-    If no study has solved the surface itself, it is the median leakage of the realisations.
+    If no study has computed the flow through the surface, the median leakage of the realisations is returned instead.
     """
     preferred = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks")
     others = [name for name in METHODS.values() if name not in (*preferred, "leakage_median")]
@@ -49,7 +49,10 @@ def surface_leakage(data: xarray.Dataset) -> Array:
 
 
 def short_load_names(data: xarray.Dataset) -> list[str]:
-    """Return a short name of every load step in the unit of the case, such as "40 MPa" or "40 MPa (from 300 MPa)"."""
+    """Return a short name of every load step, such as "40 MPa", or "40 MPa (from 300 MPa)" for an unloading.
+
+    The load has the unit of the case file, a unit of pressure or of force.
+    """
     force = force_scale(data)
 
     def text(pressure: float) -> str:
@@ -67,15 +70,16 @@ def short_load_names(data: xarray.Dataset) -> list[str]:
 
 
 def leaking_steps(data: xarray.Dataset) -> list[int]:
-    """Return the indices of the load steps at which the seal leaks; if there are none, the index of the first step."""
+    """Return the indices of the load steps at which the seal leaks; if it never leaks, the index of the first step."""
     leaking = np.flatnonzero(np.nan_to_num(surface_leakage(data)) != 0)
     return leaking.tolist() or [0]
 
 
 def pressure_margins(line_count: int, with_range: bool) -> Margins:
-    """Return the margins of a panel with a legend below it.
+    """Return the margins of a panel with a legend below its axes.
 
-    The legend lists `line_count` lines. If `with_range` is True, it also lists a shaded area.
+    line_count : number of lines that the legend lists.
+    with_range : whether the legend also lists a shaded area.
     """
     lines = ceil((line_count + with_range) / 2)  # the legend has two columns
     return replace(LINES, bottom=LINES.bottom + LEGEND_LINE * (lines + 0.5))
@@ -87,9 +91,9 @@ def pressure_panel_height(margins: Margins) -> float:
 
 
 def draw_fluid_pressure_lines(axes: Axes, data: xarray.Dataset, shown_step: int) -> None:
-    """Draw the fluid pressure along x1, averaged over x2, with a line for each load that leaks.
+    """Draw the fluid pressure along x1, averaged over x2, with a line for each load at which the seal leaks.
 
-    For the step that the maps show, the range between the lowest and the highest pressure is also shaded.
+    For the load step `shown_step`, the range between the lowest and the highest fluid pressure over x2 is shaded.
     """
     values = data["face_fluid_pressure"].values.astype(float)  # (step, row, column)
     pressure = np.ma.masked_invalid(values) / 1e6  # MPa; there is none in contact and in pockets
@@ -108,7 +112,10 @@ def draw_fluid_pressure_lines(axes: Axes, data: xarray.Dataset, shown_step: int)
 
 @styled
 def seat_figure(data: xarray.Dataset) -> Figure:
-    """Draw the contact pressure along x1, averaged over x2, at every load; it shows the contact width of a seat."""
+    """Draw the contact pressure along x1, averaged over x2, at every load.
+
+    The figure shows the contact width of a sealing edge (seat).
+    """
     steps = range(data.sizes["step"])
     margins = pressure_margins(len(steps), with_range=False)
     sheet = Sheet([pressure_panel_height(margins)])
@@ -122,14 +129,15 @@ def seat_figure(data: xarray.Dataset) -> Figure:
 
 @styled
 def pressure_figure(results: Results, step: int | None = None) -> Figure:
-    """Draw the fluid pressure between inlet and outlet, averaged along the seal, with a line for each load that leaks.
+    """Draw the fluid pressure between inlet and outlet, averaged along the seal, for each load at which the seal leaks.
 
     Parameters
     ----------
     results : Results
         Results with maps of the surface.
     step : int, optional
-        Index of the load step whose range over the seal is shaded; by default the last load that leaks.
+        Index of the load step for which the range of fluid pressures along the seal is shaded; by default the last
+        load step at which the seal leaks.
 
     Returns
     -------
@@ -146,10 +154,11 @@ def pressure_figure(results: Results, step: int | None = None) -> Figure:
 def _draw_along_x1(
     axes: Axes, data: xarray.Dataset, x1: Array, pressures: Mapping[int, Array], name: str
 ) -> list[Any]:
-    """Draw a line of pressures [MPa] against x1 [m] for each load step, and return the lines.
+    """Draw pressures [MPa] against x1 [m], with a line for each load step, and return the lines.
 
-    The colour of a line indicates the load, from dark to bright. Its style indicates the branch of the load cycle.
-    pressures : pressures along x1, by the index of the load step.
+    The colour of a line indicates the load, from dark to bright. The line style indicates the branch of the load cycle.
+
+    pressures : pressures along x1 [MPa], by the index of the load step.
     """
     names = short_load_names(data)
     unit, unit_name = length_unit(x1[-1])

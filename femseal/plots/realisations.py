@@ -31,8 +31,8 @@ if TYPE_CHECKING:
 
 #: Number of decades of the colour scale of the flow, below the largest flow.
 _FLOW_DECADES = 4
-#: Side of the detail around the largest flow, in widths of the seal. The second value is for seals with many rows of
-#: tiles, which would be too small in a large detail.
+#: Side of the square region around the largest flow that the last map shows, in widths of the seal. The second value is
+#: for seals with many rows of tiles. In the larger region, the tiles of such a seal would be too small.
 _DETAIL_SIDE, _SMALL_DETAIL_SIDE = 2.5, 1.15
 #: Smallest number of rows of tiles for the smaller detail.
 _MANY_ROWS = 8
@@ -44,16 +44,16 @@ _LONGEST_TO_SCALE = 8.0
 
 @dataclass(frozen=True)
 class _TileValues:
-    """Hold the data of a map of the seal, with a value for each tile.
+    """Hold the data for a map of the seal, with a value for each tile.
 
     Attributes
     ----------
     name : name of the quantity, with its unit.
-    values : value of each tile, (tiles,), NaN where there is none.
+    values : value of each tile, (tiles,); NaN for tiles without a value.
     colours : name of the colour map.
-    undefined : words that explain tiles without a value.
-    decades : largest number of decades of a logarithmic colour scale; 0 for a linear scale.
-    streamlines : colour of the streamlines that are drawn over the map; "" for none.
+    undefined : text of the legend for tiles without a value.
+    decades : largest number of decades of a logarithmic colour scale; 0 for a linear colour scale.
+    streamlines : colour of the streamlines that are drawn over the map; "" if no streamlines are drawn.
     """
 
     name: str
@@ -65,10 +65,11 @@ class _TileValues:
 
 
 class _Panel(NamedTuple):
-    """A map of the seal or of a part of it.
+    """A map of the whole seal or of a region of the seal.
 
-    low, high : lower left and upper right corner of the region that the map shows, (2,) each [m]. values : data of the
-    map.
+    low : lower left corner of the region that the map shows, (2,) [m].
+    high : upper right corner of this region, (2,) [m].
+    values : data of the map.
     """
 
     low: Array
@@ -80,11 +81,13 @@ class _Panel(NamedTuple):
 def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
     """Draw maps of the realisation whose leakage is nearest to the median.
 
-    One map shows the fluid pressure of the whole seal. The last map shows the flow in the surroundings of the point
-    with the largest flow. Streamlines are drawn over both; the thick line is the path through the point with the
-    largest flow. If the load has a pressure map or the seal has a form, there is also a map of the contact pressure. If
-    the seal has a form, there are also maps of the form and of the distance between the mean planes of the faces. A
-    long seal is not drawn to scale. A seal whose picture would be tall and narrow is turned on its side.
+    One map shows the fluid pressure of the whole seal. The last map shows the flow near the point with the largest
+    flow. Both maps contain streamlines; a thick line marks the streamline through the point with the largest flow.
+
+    If the load has a pressure map, or if the seal has a form deviation, a map of the contact pressure is added. If the
+    seal has a form deviation, maps of the form deviation and of the distance between the mean planes of the faces are
+    added as well. A long seal is not drawn to scale. If the picture of a seal would be tall and narrow, it is turned by
+    90°.
 
     Parameters
     ----------
@@ -140,7 +143,7 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
 
 
 def _set_up_axes(axes: Axes, panel: _Panel) -> tuple[float, str]:
-    """Set the limits and the aspect of the axes of a panel. Return the unit of its lengths [m], and the unit's name."""
+    """Set the limits and the aspect of the axes of a panel; return the unit of length [m], and the name of the unit."""
     width, height = panel.high - panel.low
     unit, unit_name = length_unit(max(width, height))
     left, bottom = panel.low / unit
@@ -159,10 +162,10 @@ def _axis_names(data: xarray.Dataset, unit: str, is_turned: bool) -> tuple[str, 
 
 
 def _detail(data: xarray.Dataset, corners: Array, centre: Array) -> tuple[Array, Array]:
-    """Return the lower left and the upper right corner of the region that the last map shows, (2,) each [m].
+    """Return the lower left and the upper right corner of the region that the last map shows, two arrays (2,) [m].
 
-    The region is a square around the point `centre`. If it extends beyond the seal, it is moved into the seal. If the
-    seal is narrower than the square, the square is cut off.
+    The region is a square around the point `centre`. A square that extends beyond an edge of the seal is moved, so that
+    it ends at the edge. If the seal is narrower than the square, the region is limited to the width of the seal.
     """
     low = corners.min(axis=(0, 1))
     high = corners.max(axis=(0, 1))
@@ -193,7 +196,7 @@ def _flow_values(flow: Array, shows_whole_seal: bool) -> _TileValues:
 
 
 def _whole_seal_values(data: xarray.Dataset, step: int) -> list[_TileValues]:
-    """Return the data of all maps that show the whole seal."""
+    """Return the data for the maps of the whole seal: one map for each quantity."""
     maps = []
     has_form = "drawn_form" in data
     case = json.loads(data.attrs.get("case", "{}"))
@@ -216,7 +219,7 @@ def _whole_seal_values(data: xarray.Dataset, step: int) -> list[_TileValues]:
 
 
 def _draw_tiles(axes: Axes, corners: Array, tile_values: _TileValues, is_drawn: Flags) -> None:
-    """Draw some of the tiles of a seal. The colour scale covers the values of all tiles.
+    """Draw some tiles of a seal. The colour scale includes the values of all tiles, also of tiles that are not drawn.
 
     Parameters
     ----------

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from ..loads import LoadStep
 
-#: If there are more runs than this, their intervals are drawn as bars instead of shaded areas, which would hide each
-#: other.
+#: Largest number of runs whose intervals are drawn as shaded areas. The areas of more runs would hide each other, so
+#: that bars are drawn instead.
 _MOST_SHADED = 3
 #: Relative distance by which bars at the same position are moved apart.
 _BAR_DISTANCE = 0.012
@@ -40,14 +40,15 @@ _NUMBER_WITH_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\
 
 @shows(RunComparison)
 def comparison_figure(comparison: RunComparison) -> Figure:
-    """Draw the leakage of several runs against nominal pressure, each run in its own colour.
+    """Draw the leakage of several runs against nominal pressure, with a colour for each run.
 
-    The loading curves are solid lines, the unloading curves are dashed lines with open markers. Loads without leakage
-    are marked in a strip below the scale. The 95 % intervals on loading are shaded areas, or bars if there are more
-    than three runs. If no run has an error budget, the scatter between realisations is drawn instead.
+    The loading curves are solid lines; the unloading curves are dashed lines with open markers. Loads without leakage
+    are marked in a strip at the bottom of the axes. The 95 % intervals on loading are shaded areas, or bars if there
+    are more than three runs. If no run has an error budget, the scatter between realisations is drawn instead of the
+    intervals.
 
-    The picture of a sweep has a second panel. It shows the leakage at the highest load at which all runs leak, against
-    the key of the case that has the most values.
+    The picture of a sweep has a second panel, which shows the leakage at the highest load at which all runs leak. The
+    horizontal axis of this panel shows the values of the key with the largest number of values.
 
     Parameters
     ----------
@@ -74,7 +75,10 @@ def comparison_figure(comparison: RunComparison) -> Figure:
 
 
 def _most_varied_key(comparison: RunComparison) -> int | None:
-    """Return the index of the key with the most values; None if no key varies, or if the runs have no common load."""
+    """Return the index of the key with the largest number of different values.
+
+    Returns None if all runs have the same values of all keys, or if the runs have no common load.
+    """
     counts = [len(set(values)) for values in zip(*comparison.settings, strict=True)]
     if not comparison.common_steps or max(counts, default=0) < 2:
         return None
@@ -83,12 +87,13 @@ def _most_varied_key(comparison: RunComparison) -> int | None:
 
 @dataclass(frozen=True)
 class _Bands:
-    """Hold the 95 % intervals, or the scatter, that are drawn around the leakages of several runs.
+    """Hold the 95 % intervals of the leakages of several runs, or the scatter between realisations.
 
     Attributes
     ----------
-    ends : lower and upper end of the interval of each run, two arrays (steps,); None for a run without an interval.
-    name : name of the intervals for the legend; "" if no run has one.
+    ends : for each run, the lower and the upper end of the interval as two arrays (steps,); None for a run without an
+        interval.
+    name : text of the legend for the intervals; "" if no run has an interval.
     """
 
     ends: list[tuple[Array, Array] | None]
@@ -96,7 +101,7 @@ class _Bands:
 
 
 def _bands(comparison: RunComparison) -> _Bands:
-    """Return the 95 % intervals of the runs. If no run has one, return the scatter between realisations instead."""
+    """Return the 95 % intervals of the runs, or the scatter between realisations if no run has an interval."""
     runs = range(len(comparison.runs))
     intervals = [comparison.interval(n) for n in runs]
     if any(interval is not None for interval in intervals):
@@ -153,7 +158,10 @@ def _draw_over_load(axes: Axes, comparison: RunComparison) -> tuple[list[Any], s
 
 
 def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
-    """Draw the leakage at one load against the values of a key, with a line for each combination of the other keys."""
+    """Draw the leakage at one load against the values of a key.
+
+    Runs in which all other keys have the same values are joined by a line.
+    """
     step = _highest_leaking_step(comparison)
     leakages = _leakages_at(comparison, step)
     low, high = _intervals_at(comparison, step)
@@ -192,7 +200,10 @@ def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
 
 
 def _highest_leaking_step(comparison: RunComparison) -> LoadStep:
-    """Return the highest load step on loading at which all runs leak, or the first common step if there is none."""
+    """Return the load step on loading with the highest load at which all runs leak.
+
+    If all runs leak together at no load, the first load step that the runs have in common is returned.
+    """
     loading = [step for step in comparison.common_steps if step.unloaded_from is None]
     leaking = [step for step in loading if (_leakages_at(comparison, step) > 0).all()]
     return leaking[-1] if leaking else comparison.common_steps[0]
@@ -208,7 +219,7 @@ def _runs_by_other_keys(comparison: RunComparison, key: int) -> dict[str, list[i
 
 
 def _without(texts: tuple[str, ...], index: int) -> tuple[str, ...]:
-    """Return all texts except the one at an index."""
+    """Return the texts without the text at position `index`."""
     return texts[:index] + texts[index + 1 :]
 
 
@@ -221,9 +232,9 @@ def _leakages_at(comparison: RunComparison, step: LoadStep) -> Array:
 
 
 def _intervals_at(comparison: RunComparison, step: LoadStep) -> tuple[Array, Array]:
-    """Return the absolute values of the lower and upper end of the 95 % interval of every run at a load step.
+    """Return the lower and the upper end of the 95 % interval of every run at a load step, two arrays (runs,).
 
-    Both are arrays (runs,), with NaN for runs without an error budget.
+    The ends are absolute values. They are NaN for runs without an error budget.
     """
     low = np.full(len(comparison.runs), np.nan)
     high = low.copy()
@@ -240,7 +251,8 @@ def _intervals_at(comparison: RunComparison, step: LoadStep) -> tuple[Array, Arr
 def _axis_positions(texts: list[str]) -> list[float]:
     """Choose the position of each value of a key on the horizontal axis.
 
-    If all values are numbers with the same unit, the positions are these numbers. Otherwise they are 0, 1, 2, …
+    If all values are numbers with the same unit, the positions are these numbers. Otherwise the positions are 0, 1, 2,
+    …
 
     texts : values of the key as texts.
     """

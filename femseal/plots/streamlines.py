@@ -15,20 +15,21 @@ if TYPE_CHECKING:
 #: Number of points at which the flow is interpolated along the longer side of a panel, and smallest number along the
 #: shorter side.
 _MOST_POINTS, _FEWEST_POINTS = 160, 24
-#: Number of tiles near a point of the grid that may contain it.
+#: Number of neighbouring tiles for which it is tested whether a point of the grid lies in the tile.
 _NEAREST_TILES = 12
 #: Width of streamlines where the flow is largest and where it vanishes [points].
 _WIDEST, _NARROWEST = 1.0, 0.25
-#: Density of the grid on which the path is followed. Its steps are at most a cell of it, a small part of a narrow ring.
+#: Density of the grid on which the thick streamline is computed. The steps along the line are at most a cell of this
+#: grid, so that they are short compared with the width of a narrow ring.
 _PATH_DENSITY = 6
-#: Shortest streamline that is drawn, as a fraction of the panel. A narrow ring has short ones.
+#: Shortest streamline that is drawn, as a fraction of the panel. The streamlines of a narrow ring are short.
 _SHORTEST = 0.01
 #: Colour and width [points] of the path through the largest flow.
 _PATH_COLOUR, _PATH_WIDTH = "#E6007E", 1.4
 
 
-#: Smallest distance from the centre of a tile in the weights, in half sides of a tile. It limits the weight of a single
-#: tile.
+#: Smallest distance from the centre of a tile that is used to compute weights, in half sides of a tile. The smallest
+#: distance limits the weight of a single tile.
 _LEAST_DISTANCE = 0.3
 #: Streamlines per inch of the panel, and smallest value, in the unit of the argument `density` of `streamplot`.
 _DENSITY_PER_INCH, _LEAST_DENSITY = 0.35, 0.3
@@ -40,8 +41,9 @@ class _FlowGrid:
 
     Attributes
     ----------
-    x, y : coordinates of the columns and rows.
-    flux : components of the flow, (rows, columns, 2); NaN outside the seal.
+    x : coordinates of the columns, (columns,).
+    y : coordinates of the rows, (rows,).
+    flux : components of the flow per unit width, (rows, columns, 2); NaN outside the seal.
     """
 
     x: Array
@@ -57,10 +59,10 @@ class _FlowGrid:
 def _interpolate_flow(axes: Axes, corners: Array, flux: Array) -> _FlowGrid:
     """Interpolate the flow of the tiles at the points of a regular grid that covers the axes.
 
-    The flow at a point is the weighted mean of the flow in the four nearest tiles. The weights are the inverse squares
-    of the distances. At points outside of all tiles the flow is NaN, so that
-    streamlines end at the borders of the seal. A narrow ring is only a few steps of the grid wide; points within one
-    step of a tile are therefore not outside.
+    The flow at a point is the weighted mean of the flow in the four nearest tiles. The weight of a tile is the inverse
+    square of the distance between the point and the centre of the tile. At points outside of all tiles the flow is NaN,
+    so that streamlines end at the edges of the seal. Because a narrow ring may be only a few grid steps wide, points
+    that are less than one grid step away from a tile do not count as outside.
 
     Parameters
     ----------
@@ -100,9 +102,10 @@ def _interpolate_flow(axes: Axes, corners: Array, flux: Array) -> _FlowGrid:
 
 
 def _lies_in_a_tile(points: Array, corners: Array, tolerance: float) -> Flags:
-    """Return whether each point lies in one of the tiles near it, or outside of it by at most a tolerance.
+    """Return whether each point lies in a tile, or at most at the distance `tolerance` from a tile.
 
-    A point lies in a convex tile if it is on the same side of all edges.
+    For each point, only some tiles near the point are tested. A point lies in a convex tile if it is on the same side
+    of all edges of the tile.
 
     Parameters
     ----------
@@ -111,7 +114,7 @@ def _lies_in_a_tile(points: Array, corners: Array, tolerance: float) -> Flags:
     corners : array (rows, columns, tiles, corners, 2)
         Corners of the tiles near each point, in order around the tile.
     tolerance : float
-        Largest distance of a point from the edges of the tile.
+        Largest distance from a tile at which a point still counts as inside.
     """
     edges = np.roll(corners, -1, axis=-2) - corners
     to_point = points[:, :, None, None] - corners
@@ -122,7 +125,7 @@ def _lies_in_a_tile(points: Array, corners: Array, tolerance: float) -> Flags:
 
 
 def draw_streamlines(axes: Axes, corners: Array, flux: Array, colour: str) -> None:
-    """Draw the streamlines of the flow over a map of the seal. The lines are wider where the flow is larger.
+    """Draw the streamlines of the flow over a map of the seal. Streamlines are wider where the flow is larger.
 
     Parameters
     ----------
@@ -155,7 +158,7 @@ def draw_streamlines(axes: Axes, corners: Array, flux: Array, colour: str) -> No
 
 
 def draw_main_path(axes: Axes, corners: Array, flux: Array, start: Array) -> None:
-    """Draw the streamline through the point `start`, (2,), from the inlet to the outlet as a thick line."""
+    """Draw the streamline through the point `start` (2,) as a thick line from the inlet to the outlet."""
     grid = _interpolate_flow(axes, corners, flux)
     is_inside = grid.x[0] <= start[0] <= grid.x[-1] and grid.y[0] <= start[1] <= grid.y[-1]
     if not is_inside:
@@ -177,10 +180,10 @@ def draw_main_path(axes: Axes, corners: Array, flux: Array, start: Array) -> Non
 
 
 def _density(axes: Axes) -> tuple[float, float]:
-    """Return the argument `density` of `streamplot`: a density of streamlines along each axis.
+    """Return the argument `density` of `streamplot`, which sets the number of streamlines along each axis.
 
-    The densities are proportional to the sides of the panel, so that the distance between the lines is about the same
-    along both axes.
+    The density along each axis is proportional to the side of the panel. The distance between streamlines is therefore
+    about the same along both axes.
     """
     width, height = axes.get_position().size * axes.figure.get_size_inches()
     density_along_x = max(_DENSITY_PER_INCH * width, _LEAST_DENSITY)

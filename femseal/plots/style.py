@@ -20,7 +20,7 @@ Arguments = ParamSpec("Arguments")
 
 #: Width of every picture [inch]: 85 mm, one column of a journal.
 PAGE = 85 / 25.4
-#: Pixels per inch of a picture, and the largest number for a picture with a map of many pixels.
+#: Pixels per inch of a picture; the second value is the largest, for a picture with a map of many pixels.
 DPI = 300
 MOST_DPI = 450
 #: Parameters of matplotlib that differ from its defaults. Sizes of letters and widths of lines are in points.
@@ -78,7 +78,7 @@ _LINE_COLOURS = (0.0, 0.88)
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Use the style of femseal's pictures within this context, and then restore the style that the user has set."""
+    """Use the style of femseal's pictures inside a `with` block, and restore the user's style at its end."""
     from matplotlib import style as matplotlib_style
 
     with matplotlib_style.context(["default", PARAMETERS]):
@@ -102,9 +102,10 @@ def styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
 
 
 def branch_styles(count: int) -> list[dict[str, Any]]:
-    """Return line styles for `count` branches: the loading and `count` − 1 unloadings.
+    """Return line styles for `count` branches of a load cycle: the loading and `count` − 1 unloadings.
 
-    If there are many unloadings, their styles repeat. The style of the loading is not used for unloadings.
+    The first style is used only for the loading. The other styles are used for the unloadings, and repeat if the load
+    cycle has more unloadings than styles.
     """
     style_count = len(STYLES) - 1  # for unloadings
     style_numbers = [0, *(1 + n % style_count for n in range(count - 1))]
@@ -112,7 +113,7 @@ def branch_styles(count: int) -> list[dict[str, Any]]:
 
 
 def sequential_colours(count: int) -> list[Any]:
-    """Return colours from dark to bright for `count` lines that have an order, such as that of their loads."""
+    """Return colours from dark to bright for `count` lines that have an order, such as lines for increasing loads."""
     import numpy as np
     from matplotlib import colormaps
 
@@ -127,7 +128,7 @@ def sequential_colours(count: int) -> list[Any]:
 def png(figure: Figure) -> bytes:
     """Render a figure as PNG.
 
-    The figure is laid out and drawn once, whereas `Figure.savefig` would draw it twice.
+    The figure is drawn only once, whereas `Figure.savefig` would draw the figure twice.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
@@ -145,12 +146,13 @@ def rendered(figure: Figure, file_format: str) -> bytes:
     figure : Figure
         The figure.
     file_format : {"png", "svg", "pdf"}
-        Format. In the vector formats, letters and lines are not converted to pixels, and maps keep all their pixels.
+        Format of the picture. In the vector formats, letters and lines are not converted to pixels, and maps are shown
+        with all their pixels.
 
     Returns
     -------
     bytes
-        Content of the file. It contains no date, so that the same figure gives the same file.
+        Content of the picture file. The file contains no date, so that the same figure gives the same file.
     """
     from matplotlib.image import AxesImage
 
@@ -166,7 +168,7 @@ def rendered(figure: Figure, file_format: str) -> bytes:
 
 
 def rendered_formats(figure: Figure, formats: Sequence[str]) -> dict[str, bytes]:
-    """Render a figure in several formats, see `rendered`; return the contents of the files by their formats."""
+    """Render a figure in several formats, see `rendered`; return the content of the picture file for each format."""
     # PNG comes first, because rendering in the other formats changes the figure
     png_first = sorted(formats, key=lambda form: form != "png")
     return {form: rendered(figure, form) for form in png_first}

@@ -46,12 +46,12 @@ def view_surface(
     Parameters
     ----------
     surface : Topography or Results
-        Surface without undefined points, or results, whose surface is shown.
+        Surface without undefined points; or results of a run, whose surface is shown.
     exaggeration : float, optional
-        Factor by which the heights are multiplied, for example 1 for true proportions. By default, the surface is about
-        an eighth as high as long.
+        Factor by which the heights are multiplied, for example 1 for true proportions. By default, the factor is chosen
+        so that the range of the heights appears as about an eighth of the longer side of the surface.
     picture : path, optional
-        Picture file (.png) that is written; no window is opened then.
+        Picture file (.png). If `picture` is given, the view is written to this file, and no window is opened.
 
     Returns
     -------
@@ -61,7 +61,7 @@ def view_surface(
     Raises
     ------
     InputError
-        The picture cannot be written, there is no display, or heights are undefined.
+        The picture cannot be written, the machine has no display, or the surface has undefined points.
     """
     is_off_screen = window_settings(picture)
     mesh, factor = surface_mesh(*_heights_and_sides(surface), exaggeration)
@@ -92,10 +92,11 @@ def view_surface(
 
 
 def surface_mesh(heights: Array, sides: Pair, exaggeration: float | None) -> tuple[Any, float]:
-    """Make a surface mesh in µm, whose points lie at the exaggerated heights; also return the exaggeration.
+    """Make a surface mesh in µm with exaggerated heights; return the mesh and the factor of exaggeration.
 
-    heights : array (n1, n2) [m].
-    sides : sides of the surface [m].
+    heights : heights of the surface (n1, n2) [m].
+    sides : sides of the surface along x1 and x2 [m].
+    exaggeration : factor by which the heights are multiplied; None for a suitable factor.
     """
     import pyvista
 
@@ -103,7 +104,8 @@ def surface_mesh(heights: Array, sides: Pair, exaggeration: float | None) -> tup
     shown = block_means(heights, _MOST_POINTS) if is_fine else heights
     heights = 1e6 * np.asarray(shown, float)
     if not np.isfinite(heights).all():
-        raise InputError("surface", "undefined points", "a surface without them, see fs.condition")
+        expected = "a surface without undefined points, see fs.condition"
+        raise InputError("surface", "undefined points", expected)
     spacing = [1e6 * side / n for side, n in zip(sides, heights.shape, strict=True)]
     height = float(np.ptp(heights))
     if exaggeration is not None:
@@ -117,7 +119,7 @@ def surface_mesh(heights: Array, sides: Pair, exaggeration: float | None) -> tup
 
 
 def _heights_and_sides(surface: Topography | Results) -> tuple[Array, Pair]:
-    """Return the heights (n1, n2) and the sides of a surface [m]."""
+    """Return the heights of a surface (n1, n2) [m], and its sides along x1 and x2 [m]."""
     if isinstance(surface, Topography):
         return surface.heights, surface.size
     data = surface.dataset

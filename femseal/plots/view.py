@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
 
 class _ShownField(NamedTuple):
-    """Describe a field that can be shown.
+    """Describe a field that the window can show.
 
     Attributes
     ----------
     pixels : name of the field over the pixels of the surface.
-    tiles : name of the variable over the tiles of a realisation; "" if there is none.
-    heading : heading of the panel, with the unit.
-    unit : value of this unit in SI.
+    tiles : name of the dataset variable with a value for each tile of a realisation; "" if no such variable exists.
+    heading : heading of the panel, with the unit of the shown values.
+    unit : unit of the shown values, in SI units.
     colours : name of the colour map.
     """
 
@@ -72,13 +72,14 @@ def view_run(
     results : Results
         Results with fields over the pixels, or with a realisation of the seal.
     step : int, optional
-        Index of the load step; by default the step with the highest load that leaks.
+        Index of the load step; by default the step with the highest load at which the seal leaks.
     field : str, optional
-        Name of a field in `FIELDS`; by default all of them are shown.
+        Name of a field in `FIELDS`; by default all fields are shown.
     seal : bool
-        Whether to show the tiles of the realisation nearest to the median instead of the pixels of the surface.
+        Whether to show the tiles of the realisation whose leakage is nearest to the median, instead of the pixels of
+        the surface.
     picture : path, optional
-        Picture file (.png) that is written; no window is opened then.
+        Picture file (.png). If `picture` is given, the view is written to this file, and no window is opened.
 
     Returns
     -------
@@ -88,7 +89,7 @@ def view_run(
     Raises
     ------
     InputError
-        The results have no such field or step, or the picture cannot be written.
+        The field is unknown, the results have no data for the field or the load step, or the picture cannot be written.
     """
     data = results.dataset
     if field is not None and field not in FIELDS:
@@ -106,12 +107,14 @@ def view_run(
 
 
 def window_settings(picture: AnyPath | None) -> bool:
-    """Check that a window can be opened, or a picture written; return whether the window is off screen.
+    """Check that a window can be opened, or that a picture can be rendered.
+
+    Returns whether the view is rendered off screen, for a picture.
 
     Raises
     ------
     InputError
-        The picture is not a .png file, or there is neither a picture nor a display.
+        The picture is not a .png file, or no picture is requested and the machine has no display.
     """
     if picture is not None and Path(picture).suffix.lower() != ".png":
         raise InputError("output", f"'{picture}'", "a file .png")
@@ -126,7 +129,7 @@ def window_settings(picture: AnyPath | None) -> bool:
 
 
 def show_or_write(plotter: pyvista.Plotter, picture: AnyPath | None) -> None:
-    """Open the window, or write a picture of it, and close it."""
+    """Open a window with the view, or write the view to a picture file; finally close the plotter."""
     if picture is None:
         plotter.show()
     else:
@@ -161,7 +164,7 @@ def surface_meshes(results: Results, step: int, names: list[str]) -> dict[str, A
 
 
 def seal_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]:
-    """Make a pyvista mesh of the tiles of the realisation for each field, with lengths in µm."""
+    """Make, for each field, a pyvista mesh of the tiles of the realisation, with lengths in µm."""
     import pyvista
 
     data = results.dataset
@@ -193,7 +196,10 @@ def seal_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]
 
 
 def _shown_values(values: Array, name: str) -> Array:
-    """Convert the values of a field to the unit in which it is shown. A gap of 0 becomes NaN, which marks contact."""
+    """Convert the values of a field to the unit in which the field is shown.
+
+    A gap of 0 is replaced by NaN, because pixels without a value are drawn in the colour for contact.
+    """
     shown = np.asarray(values, float) / FIELDS[name].unit
     return np.where(shown > 0, shown, np.nan) if name == "gap" else shown
 
@@ -203,8 +209,9 @@ def _window(
 ) -> pyvista.Plotter:
     """Make a window with a panel for each field, side by side and with the same camera.
 
-    load : name of the load step, which is written into the first panel. ends : positions of the labels "inlet" and
-    "outlet", (2, 3) [µm]. If it is None, the labels are to the left and to the right of the mesh.
+    load : name of the load step, which is written into the first panel.
+    ends : positions of the labels "inlet" and "outlet", (2, 3) [µm]. By default, the label "inlet" is to the left of
+        the mesh, and the label "outlet" to the right of the mesh.
     """
     import pyvista
 
@@ -243,7 +250,7 @@ def _window(
 
 
 def ends_of_bounds(bounds: Any) -> Array:
-    """Return positions for the labels to the left of a mesh, at the inlet, and to the right of it, (2, 3) [µm]."""
+    """Return the positions of the labels "inlet", to the left of a mesh, and "outlet", to the right, (2, 3) [µm]."""
     x_low, x_high, y_low, y_high = bounds[:4]
     middle = (y_low + y_high) / 2
     offset = 0.06 * max(x_high - x_low, y_high - y_low)
@@ -251,10 +258,11 @@ def ends_of_bounds(bounds: Any) -> Array:
 
 
 def ends_of_seal(results: Results) -> Array | None:
-    """Return positions for the labels of inlet and outlet, (2, 3) [µm].
+    """Return the positions of the labels "inlet" and "outlet", (2, 3) [µm].
 
-    They are the centres of the tiles with the highest and the lowest fluid pressure. The result is None for a strip,
-    whose inlet and outlet are its left and right side. It is also None if no fluid pressure is known.
+    The positions are the centres of the tiles with the highest and the lowest fluid pressure. The result is None if the
+    fluid pressure is unknown. The result is also None for a strip, whose inlet is its left side and whose outlet is its
+    right side.
     """
     data = results.dataset
     if str(data.attrs.get("seal", "")).startswith("a strip") or "drawn_fluid_pressure" not in data:
@@ -277,7 +285,7 @@ def mark_ends(plotter: pyvista.Plotter, ends: Array) -> None:
 
 
 def add_scale_bar(plotter: pyvista.Plotter, bounds: Any) -> None:
-    """Draw a scale bar of a round length below the field, with its length as text."""
+    """Draw a scale bar below the field. The length of the bar is a round number, which is written below the bar."""
     import pyvista
 
     x_low, x_high, y_low, y_high = bounds[:4]
@@ -304,7 +312,7 @@ def _add_texts(plotter: pyvista.Plotter, positions: Array, texts: list[str]) -> 
 
 
 def round_length(longest: float) -> float:
-    """Return the largest number of the form 1, 2 or 5 times a power of ten that is not above a given number.
+    """Return the largest number not above `longest` that is 1, 2 or 5 times a power of ten.
 
     >>> round_length(96.0), round_length(0.7), round_length(20.0)
     (50.0, 0.5, 20.0)

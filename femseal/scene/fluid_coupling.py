@@ -2,7 +2,7 @@
 
 The traction between the surfaces is t = p + p_f, the sum of contact pressure p >= 0 and fluid pressure p_f. Let p̄ be
 the nominal pressure. For a given p_f, the contact problem is solved with the undeformed gap h₁ + K p_f and the load
-p̄ − mean(p_f); the solution contains the gap (see `contact.solve_contact`). For a given gap, the flow problem gives p_f.
+p̄ − mean(p_f), which gives the gap (see `contact.solve_contact`). For a given gap, the flow problem gives p_f.
 Contact and flow are solved in turn until the permeability no longer changes. If no contact pressure can balance p̄, the
 surfaces separate.
 
