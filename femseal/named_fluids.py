@@ -126,7 +126,7 @@ def named_fluid(
     temperature: float = TABLE_TEMPERATURE,
     pressures: Pair = (TABLE_PRESSURE, TABLE_PRESSURE),
 ) -> NamedFluid:
-    """Return the properties of a fluid by its name, from the table at 20 °C and otherwise from CoolProp.
+    """Return the properties of a fluid by its name, at 20 °C from `TABLE` and otherwise from CoolProp.
 
     Parameters
     ----------
@@ -141,8 +141,8 @@ def named_fluid(
     Raises
     ------
     InputError
-        The name is unknown, the properties at this temperature are unknown, or the fluid changes phase between the
-        two pressures.
+        The name is unknown, the properties at the temperature are unknown, or the fluid changes phase between inlet and
+        outlet pressure.
     """
     is_vapour = _plain_name(name) in map(_plain_name, _VAPOURS)
     if not is_vapour and abs(temperature - TABLE_TEMPERATURE) < 0.01:
@@ -550,9 +550,9 @@ def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:
     """Return the highest pressure in the table of a gas, and whether the gas condenses at this pressure.
 
     Below the critical temperature, the highest pressure of the table is the saturation pressure [Pa]. Above the
-    critical temperature, it is the highest pressure for which CoolProp has an equation of state, but at most 1 GPa. If
-    CoolProp cannot compute the density or the viscosity at this pressure, the pressure is halved, repeatedly if
-    necessary.
+    critical temperature, the table ends at the highest pressure for which CoolProp has an equation of state, but at 1
+    GPa at most. The highest pressure is halved until CoolProp can compute the density and the viscosity at this
+    pressure.
     """
     import CoolProp
 
@@ -595,9 +595,9 @@ class IdealGasError:
 def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
     """Compute the leakage with an ideal gas, divided by the leakage with the corresponding real gas.
 
-    The real gas is the gas in CoolProp with the molar mass of the ideal gas. If several gases have this molar mass, the
-    gas with the viscosity closest to the viscosity of the ideal gas is chosen. If CoolProp does not know the viscosity
-    of the gas with the closest molar mass, the ratio of the leakages is unknown.
+    The real gas is the gas in CoolProp with the molar mass of the ideal gas. Among several gases with this molar mass,
+    the gas with the viscosity closest to the viscosity of the ideal gas is chosen. If CoolProp does not know the
+    viscosity of the gas with the closest molar mass, the ratio of the leakages is unknown.
 
     Parameters
     ----------

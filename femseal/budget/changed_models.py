@@ -174,8 +174,8 @@ def model_part(
             opposite_effect = _fill_unknown(steps, leakage, opposite.change(leakage))
             solutions.append(opposite)
         effects = np.array([effect, opposite_effect])  # (direction, step)
-        # If both effects have the same sign, one end of the interval would be at the leakage itself. The distance to
-        # this end is then the smaller effect.
+        # If both effects have the same sign, one end of the interval would be at the leakage itself. In place of 0, the
+        # distance to this end is the smaller effect.
         smaller = np.abs(effects).min(axis=0)
         above = np.maximum(effects.max(axis=0), smaller)
         below = np.maximum(-effects.min(axis=0), smaller)

@@ -7,9 +7,8 @@ The difference between a leakage and its coarser solution shows the error of the
 The change of ln(leakage) from one grid to a coarser grid is not a smooth function of the load. At loads at which
 contacts open and close, the sign of the change is random. Near the load at which the last leakage path closes, the
 coarser grid shifts the load at which the seal closes, and the change of ln(leakage) equals this shift of ln(load) times
-the slope |d ln(leakage)/d ln(load)|. For these two reasons, `scale_of_changes` estimates the typical size of the change
-at a load from two contributions: the changes at neighbouring loads, and the typical shift of the load over the whole
-cycle.
+the slope |d ln(leakage)/d ln(load)|. The function `scale_of_changes` estimates the typical size of the change at a load
+from two contributions: the changes at neighbouring loads, and the typical shift of the load over the whole cycle.
 
 Source: Celik, Ghia, Roache, Freitas, Coleman & Raad, J. Fluids Eng. 130, 2008, 078001.
 """
@@ -43,7 +42,8 @@ MODEL_PARTS = (
     "continuation",
     "thin gap",
 )
-#: An end of an interval is not given as a number if it differs from the leakage by more than this factor.
+#: An end of an interval that differs from the leakage by more than this factor is described in words instead of a
+#: number.
 VAGUE = 1000.0
 #: Factor by which the computed leakage may be larger under a higher load, because of numerical errors.
 _RISE = 1.001
@@ -57,12 +57,14 @@ ORDER = 2.0
 #: which the leakage exceeds 1e-3 of the leakage under the first load: with a ratio of 0.28 the interval contains the
 #: true leakage in 95 % of the cases, with 0.31 in 96.5 %, and with 0.43 in 98 % (97 % on other surfaces).
 PER_CHANGE = 0.43
-#: Factor by which the half-width is multiplied if only a few loads were solved on both grids; the keys are the numbers
-#: of these loads. The factors were measured on the surfaces of `PER_CHANGE`.
+#: Factor by which the half-width of an interval is multiplied if only a few loads were solved on the fine and on the
+#: coarse grid; the keys are the numbers of these loads. The factors were measured on the surfaces with which
+#: `PER_CHANGE` was measured.
 FEW_LOADS = {0: 3.0, 1: 3.0, 2: 1.45, 3: 1.15}
 #: Smallest shift of ln(load) that is assumed for any surface, and smallest slope |d ln(leakage)/d ln(load)| by which
-#: this shift is multiplied. Both values were measured on the surfaces of `PER_CHANGE`: with a third of the shift and a
-#: fifth of the slope, intervals of equal width contain the true leakage in 94.5 % of the cases instead of 97 %.
+#: this shift is multiplied. The shift and the slope were measured on the surfaces of `PER_CHANGE`: with a third of the
+#: shift and a fifth of the slope, intervals of equal width contain the true leakage in 94.5 % of the cases instead of
+#: 97 %.
 _LEAST_SHIFT, _LEAST_SLOPE = 0.012, 1.5
 #: In nine of ten contact states, the slope |d ln(leakage)/d ln(load)| is at most this multiple of
 #: `expected_sensitivity`.
@@ -145,9 +147,8 @@ class ErrorBudget:
     parts : tuple of ErrorPart
         Error sources.
     steps : LoadProgramme, optional
-        Load steps. A seal leaks no more under a higher load. If load steps are given, this rule makes the intervals of
-        the steps consistent with each other, see `within_others`. Without load steps, the interval of each step is not
-        changed.
+        Load steps. If load steps are given, the intervals are made consistent with the rule that a seal leaks no more
+        under a higher load, see `within_others`. Without load steps, the interval of each step is not changed.
     separated : tuple of int
         Indices of the steps at which the fluid carries the whole load, so that the faces are separated and the leakage
         is unknown.
@@ -470,9 +471,9 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array
     """Estimate how much ln(leakage) typically changes from one grid to a coarser grid, at every step (steps,).
 
     The typical size of the change at a step is √(a² + b²). The term `a` is the root mean square of the known changes at
-    the two nearest steps, counting the step itself; if several steps are equally near, all of them are used. The term b
-    is the change that a typical shift of the load would cause: the slope at the step times the mean shift of ln(load)
-    over the whole cycle.
+    the two nearest steps, counting the step itself; if several steps are equally near, all these steps are used. The
+    term b is the change that a typical shift of the load would cause: the slope at the step times the mean shift of
+    ln(load) over the whole cycle.
 
     Parameters
     ----------
@@ -487,8 +488,8 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array
     if not finite.size:
         return np.zeros(len(steps))
     shift = mean_shift(change[finite], slope[finite])
-    # Distance from each step to each step with a finite change, (step, finite step). It is counted in steps along the
-    # load cycle, which is a graph: the unloadings branch off from the loading.
+    # Distance from each step to each step with a finite change, (step, finite step). The distance is counted in steps
+    # along the load cycle, which is a graph: the unloadings branch off from the loading.
     is_neighbour = np.zeros((len(steps), len(steps)))
     for step, previous in neighbouring_steps(steps):
         is_neighbour[step, previous] = 1

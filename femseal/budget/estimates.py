@@ -41,8 +41,8 @@ _RESIDUAL = 0.5
 #: Change of ln(leakage) due to the residual of the flow solution; the relative error of its energy is 1e-6.
 _FLOW = 1e-6
 
-#: Smallest error of ln(leakage) for which "thin gap" is listed as an error source. An rms slope of 0.14 causes this
-#: error.
+#: Smallest error of ln(leakage) for which "thin gap" is listed as an error source. An rms slope of 0.14 causes an error
+#: of this size.
 _LEAST_SLOPE_ERROR = 0.02
 
 #: Degrees of freedom that are assumed for the variance expected from the contact state, when it is averaged with the
@@ -58,8 +58,8 @@ _WHAT = {
     "by blocks": "a surface that was solved by blocks",
 }
 #: Factor by which intervals of numerical errors are widened near closing, where the leakage falls steeply, see
-#: `near_closing`. Measured on 216 surfaces of six kinds: the intervals there contained the true leakage in 93 of 100
-#: cases with this factor, and in 83 without it.
+#: `near_closing`. Measured on 216 surfaces of six kinds: intervals near closing contained the true leakage in 93 of 100
+#: cases with this factor, and in 83 of 100 cases without widening.
 _NEAR_CLOSING = 3.0
 
 
@@ -79,13 +79,12 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     """Estimate how far the mean leakage of several measured patches may be from the leakage of the whole surface.
 
     The variance of ln(leakage) is the weighted mean of two estimates, with their degrees of freedom as weights. One
-    estimate is the jackknife over the measured patches: each patch is left out once. The other estimate is the usual
-    variance in this contact state, which was measured on other surfaces. The interval of ln(leakage) is taken from
+    estimate is the jackknife over the measured patches: each patch is left out once. The second estimate of the
+    variance was measured on other surfaces in a similar contact state. The interval of ln(leakage) is taken from
     Student's distribution.
 
-    If the seal would be sealed without one of its patches, ln(leakage) without this patch does not exist. In this case,
-    the lower end of the interval is 0, and the upper end is computed by a jackknife of the leakage instead of
-    ln(leakage).
+    If the seal would be sealed without one of its patches, a jackknife of ln(leakage) is impossible. The interval of
+    such a seal begins at 0, and its upper end is computed by a jackknife of the leakage instead of ln(leakage).
 
     Parameters
     ----------
@@ -190,13 +189,14 @@ def median_interval(values: Array) -> Pair:
 def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     """Estimate the error of subtracting the fluid pressure from the load of a cell, without coupling contact and flow.
 
-    This error only exists for stochastic seals with cells at random, if the fluid pressure acts on the surfaces. The
-    result is None for all other studies.
+    The error is only estimated for stochastic seals with cells at random, if the fluid pressure acts on the surfaces.
+    The result is None for all other studies.
 
     The error of ln(leakage) is a fraction of the change of ln(leakage) that the fluid pressure causes. The fraction was
     measured on seven surfaces whose width is four times their longest wavelength, under inlet pressures of 0.1 to 1
-    times the nominal pressure. The computed ln(leakage) was too large by at most one half of this change, or too small
-    by at most one fifth of this change. For seals with a larger width, the error is smaller.
+    times the nominal pressure. The computed ln(leakage) was too large by at most one half of the change due to the
+    fluid pressure, or too small by at most one fifth of the change. For seals with a larger width, the error is
+    smaller.
     """
     fluid = scene.acting_fluid
     if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_order:
@@ -222,8 +222,8 @@ def patch_form_part(
 
     In a test, the leakage of a quarter of a map was compared with the leakage of the whole map, for eight maps at 140
     loads. An interval from half to twice the leakage of the quarter contained the leakage of the whole map in 49 % of
-    the cases. When the change of ln(leakage) was added at one end of the interval, this fraction was 56 %. When the
-    change was added at both ends, the fraction was 61 %.
+    the cases. An interval that was extended at one end by the change of ln(leakage) contained the leakage of the whole
+    map in 56 % of the cases, and an interval that was extended at both ends in 61 %.
 
     rises : whether the spectrum of the patch rises towards long waves, so that the seal probably has longer waves than
         the patch. If True, the effect of the longest waves of the patch is included.
@@ -401,7 +401,7 @@ class NumericalErrors:
     ) -> list[ErrorPart]:
         """Estimate the error of the pixel size.
 
-        coarse : solution of the same scene on fewer points; None if there is no such solution.
+        coarse : solution of the same input on fewer points; None if the input was solved on a single grid.
         wave_pixels : number of pixels in the shortest wave.
         """
         if coarse is None:

@@ -37,7 +37,7 @@ _MAY_CLOSE = 1.5
 
 
 def equivalent_ratios(severity: float) -> tuple[float, float]:
-    """Return the lowest and the highest H/σ_y for which the contact law leaks as much as von Mises plasticity.
+    """Return the range of H/σ_y in which the contact law gives the same leakage as von Mises plasticity.
 
     severity : ratio 2.8 σ_y/(E* h′) of the hardness to the elastic contact pressure. Outside the range of `_SEVERITY`,
         the ratios at the nearest end of `_SEVERITY` are returned.

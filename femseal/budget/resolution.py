@@ -1,14 +1,15 @@
 """Estimate the error of a leakage that is caused by missing waves of the surface, or by solving on one grid only.
 
 Waves are missing because a low-pass filter removed them, or because the instrument did not resolve them. If the
-spectrum is continued, the phases of the continued waves are arbitrary, and waves beyond the cut-off are still missing.
+spectrum is extrapolated, the phases of the extrapolated waves are arbitrary, and waves shorter than the shortest
+extrapolated wave are still missing.
 
 The effect of the missing waves on the leakage has an upper bound. If the missing waves were added, the surface would be
 steeper, and its gap would be about equal to the gap of the smoother surface under a lower load. By Persson's theory,
 the contact fraction is erf(c p/(E* h')), with the pressure p, the contact modulus E*, the rms slope h' and a constant
-c. Let κ be the rms slope of the smoother surface divided by the rms slope of the complete surface. By this formula, the
-smoother surface under the pressure κ p has the same contact fraction as the complete surface under the pressure p.
-Measurements on many surfaces gave a similar relation for the leakage, see `LOAD_POWER`.
+c. Let κ be the rms slope of the smoother surface divided by the rms slope of the complete surface. By the formula of
+Persson, the smoother surface under the pressure κ p has the same contact fraction as the complete surface under the
+pressure p. Measurements on many surfaces gave a similar relation for the leakage, see `LOAD_POWER`.
 """
 
 from collections.abc import Sequence
@@ -34,8 +35,9 @@ from .error_parts import (
 #: mean square slope of the removed waves, divided by the mean square slope of the remaining waves. The estimate from
 #: the contact state is s = _BY_STATE r^_POWER |d ln(leakage)/d ln(load)|, with the slope of `expected_sensitivity`. The
 #: estimate from the octave, o, is the change of ln(leakage) when the shortest octave of the remaining waves is also
-#: removed, multiplied by (r/r_o)^_POWER, but at most by 1. Here r_o is the mean square slope of this octave, divided by
-#: the mean square slope of the remaining waves. Measured on 90 files of three kinds, see docs/evidence/error_budget.md.
+#: removed, multiplied by (r/r_o)^_POWER, but at most by 1. The ratio r_o is the mean square slope of this octave,
+#: divided by the mean square slope of the remaining waves. Measured on 90 files of three kinds, see
+#: docs/evidence/error_budget.md.
 _POWER, _BY_STATE, _ERROR = 0.4, 0.4, 0.8
 #: The surface may be sealed if the estimate s of the error of ln(leakage), see `_ERROR`, is larger than this limit. At
 #: 38 of 1739 loads, the removed waves sealed the surface. The estimate s is above the limit at 30 of these 38 loads,
@@ -223,9 +225,9 @@ def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_rat
     the step and the reduced load.
 
     At a step on unloading, the leakage under the reduced load is read from the same unloading branch. If all loads of
-    the cycle were reduced, the highest load before unloading would be lower as well. This effect is taken into account
-    by a factor: the ratio by which the leakage at the highest load increases. The leakage on unloading is limited to
-    the leakage on loading under the same reduced load.
+    the cycle were reduced, the highest load before unloading would be lower as well. The leakage on unloading is
+    therefore multiplied by the factor by which the leakage at the highest load increases. The leakage on unloading is
+    limited to the leakage on loading under the same reduced load.
 
     Parameters
     ----------

@@ -139,8 +139,8 @@ def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 
 def solved_study(study: Study) -> Study:
     """Return the study that computes the leakage of a modified version, for comparison with a study of the run.
 
-    For the two-scale study, this is the deterministic study, which solves the flow of the whole surface as well. For
-    any other study, this is the study itself.
+    The deterministic study is returned for the two-scale study, because the two-scale leakage is equal to the leakage
+    of the whole surface. Every other study is returned unchanged.
     """
     return STUDIES["deterministic"] if study.name == "two-scale" else study
 

@@ -127,7 +127,7 @@ def calibrate(
     Raises
     ------
     InputError
-        The case, the test, a range or the folder cannot be used. This error is raised before any computation.
+        The case, the test, a range or the folder cannot be used. The check takes place before any computation.
     FemsealError
         Too few simulations succeeded.
 
@@ -341,8 +341,9 @@ def _explore(
     Parameters
     ----------
     solve_scenes : callable
-        Function that runs simulations. Its arguments are a list of hardnesses [Pa] and a list of shortest waves [m],
-        with one value for each simulation. The function yields the leakages (loads,) of each simulation.
+        Function that runs simulations. The arguments of the function are a list of hardnesses [Pa] and a list of
+        shortest waves [m], with one value for each simulation. The function yields the leakages (loads,) of each
+        simulation.
     test : LeakTest
         The leak test.
     rows : array of int (rows,)

@@ -219,10 +219,10 @@ class Posterior:
     def samples(self, count: int) -> Array:
         """Draw quasi-random samples of the posterior in the unit cube.
 
-        The unit square of hardness and shortest wave is divided into small squares, four times as many as samples. If
-        a quarter of the small squares contains nearly all of the probability, all other small squares are dropped, and
-        each remaining small square is divided into four. This refinement is repeated until the probability is spread
-        over more than a quarter of the small squares. Above each small square, the range of ln(factor) is divided into
+        The unit square of hardness and shortest wave is divided into small squares, four times as many as samples. If a
+        quarter of the small squares contains nearly all of the probability, all other small squares are dropped, and
+        each remaining small square is divided into four. The division is repeated until the probability is spread over
+        more than a quarter of the small squares. Above each small square, the range of ln(factor) is divided into
         slabs. For each sample, a Sobol sequence chooses a slab, according to the probabilities of the slabs, and a
         point in the chosen slab.
 

@@ -144,7 +144,7 @@ class Process:
     def predict(self, points: Array) -> tuple[Array, Array]:
         """Predict the mean and the standard deviation of the k quantities at points (m, dimensions).
 
-        The mean and the standard deviation are arrays (m, k). They follow from the usual formulas of a Gaussian process
+        The mean and the standard deviation, two arrays (m, k), follow from the usual formulas of a Gaussian process
         (Rasmussen and Williams, equations 2.25 and 2.26).
         """
         covariance = _covariance(self._parameters, points, self._points)  # (m, n)
@@ -296,8 +296,8 @@ class Surrogate:
     leakage : tuple of _ProcessAtLoads
         Gaussian processes of the cube root of the leakage, one entry for each group of loads, see `_group_loads`.
     open : _ProcessAtLoads, optional
-        Gaussian processes that predict 1 if the seal leaks and −1 if the seal is sealed. They belong to the loads at
-        which some simulations leak and others are sealed. None if the simulations agree at every load.
+        Gaussian processes that predict 1 if the seal leaks and −1 if the seal is sealed. These processes exist for the
+        loads at which some simulations leak and others are sealed. None if the simulations agree at every load.
     common_class : array (loads,)
         1 if the first simulation leaks at a load, −1 if the first simulation is sealed. At loads that are not in
         `open`, all simulations have the value of the first simulation.

@@ -17,8 +17,8 @@ _COMPARED_PRESSURES = (1e6, 1e7, 1e8)
 def common_load_text(runs: Sequence[Results]) -> LoadText:
     """Return a function that converts a nominal pressure to text.
 
-    If the cases of all runs give forces on equal areas, the text is the force with the pressure in brackets. Otherwise,
-    the text is the pressure.
+    If the cases of all runs give forces on equal areas, the text is the force with the pressure in brackets. If a case
+    gives pressures or the areas are different, the text is the pressure.
     """
     functions = [loads_as_given(results.dataset, 3) for results in runs]
     texts = {tuple(map(function, _COMPARED_PRESSURES)) for function in functions}

@@ -16,7 +16,7 @@ from .results import Results
 
 FILE_NAME = "results.nc"
 _EXPECTED = "a file that femseal wrote"
-#: Attributes that store JSON, and the Python type that each of them is parsed into.
+#: Attributes that store JSON, and the Python type of each attribute after parsing.
 _JSON_ATTRIBUTES: dict[str, type] = {
     "case": dict,
     "surface": dict,
@@ -36,7 +36,7 @@ def save(results: Results, folder: AnyPath) -> Path:
     results : Results
         Results whose dataset is written.
     folder : str or path
-        Folder of the file, which is created if needed. An older file remains intact if writing fails.
+        Folder of the file, which is created if needed. If writing fails, an existing `results.nc` remains intact.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def open_results(folder: AnyPath) -> Results:
     Raises
     ------
     InputError
-        There is no such file, it cannot be read, or another program wrote it.
+        The file `results.nc` does not exist, cannot be read, or was written by another program.
 
     Examples
     --------
@@ -111,7 +111,7 @@ def open_results(folder: AnyPath) -> Results:
 
 
 def inconsistent(path: Path, error: Exception) -> InputError:
-    """Return the error to raise for a file that can be read, but whose contents are inconsistent."""
+    """Make the error for a results file that can be read, but whose contents are inconsistent."""
     reason = f"{type(error).__name__}: {shortened(error, 80)}"
     return InputError("results file", f"{path} ({reason})", _EXPECTED)
 
@@ -134,7 +134,7 @@ def _read(path: Path) -> xarray.Dataset:
 
 
 def _with_present_names(data: xarray.Dataset) -> xarray.Dataset:
-    """Rename variables and dimensions that had other names in earlier versions."""
+    """Rename variables and dimensions from earlier versions of femseal to their present names."""
     names = {}
     for name in map(str, (*data.variables, *data.dims)):
         present = name.replace("piece", "cell").replace("places", "patches")
@@ -154,8 +154,8 @@ def _check_attributes(data: xarray.Dataset) -> None:
 def _check_safety(path: Path) -> None:
     """Raise an InputError if a file refers to other files, or needs more memory than is free.
 
-    HDF5 files can contain links to other files. If results come from someone else, such links must not be followed,
-    because they could point to any file of the reader.
+    HDF5 files can contain links to other files. Links are not followed, because links in results from someone else
+    could point to any file on the computer of the reader.
     """
     import h5py
 

@@ -82,7 +82,7 @@ def cycle_text(steps: LoadProgramme) -> str:
 
 
 def _pressure_text(pressure: float) -> str:
-    """Return a pressure as text with its unit."""
+    """Return a pressure as text with a unit."""
     return to_text(pressure, "Pa")
 
 

@@ -90,8 +90,8 @@ class Narrowing:
     lower, upper : float
         Estimated lower and upper end of the 95 % interval after the action [m²/s].
     is_best_case : bool
-        True if it is unknown how much the action reduces the error source. In this case, `lower` and `upper` are
-        computed as if the action removed the error source completely.
+        True if it is unknown how much the action reduces the error source. If True, `lower` and `upper` are computed as
+        if the action removed the error source completely.
     """
 
     source: str
@@ -137,7 +137,7 @@ def is_generated(results: Results) -> bool:
 def best_narrowing(results: Results, step: int) -> Narrowing | None:
     """Find the action that narrows the 95 % interval at a load step most.
 
-    This is the action that reduces the error source with the widest interval at the load step.
+    The returned action reduces the error source with the widest interval at the load step.
 
     Parameters
     ----------

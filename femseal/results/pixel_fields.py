@@ -1,9 +1,9 @@
 """Read, write and export fields over all pixels of the surface, such as gap, contact pressure and fluid pressure.
 
-Fields over all pixels are too large for `results.nc`. They are written to the folder `fields`, which contains a
-compressed image for each load step. The image contains all fields that the studies declare over pixels, in single
-precision. The file `fields.pvd` lists the images for ParaView. The method `Results.pixels` reads a field from an image,
-and `export_field` writes a field to a file that other programs can read.
+Fields over all pixels are too large for `results.nc`. The folder `fields` contains a compressed image for each load
+step. An image contains all fields that the studies declare over pixels, in single precision. The file `fields.pvd`
+lists the images for ParaView. The method `Results.pixels` reads a field from an image, and `export_field` writes a
+field to a file that other programs can read.
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ def write_fields(run: Results, steps: Indices, folder: Path) -> list[Path]:
 def read_pixels(run: Results, name: str, step: int, cell: Shape | None = None) -> xarray.DataArray:
     """Return a field over the pixels at one load step, from memory or from the folder of the results.
 
-    The field is taken from the two-scale study if there is one, and otherwise from the deterministic study.
+    The field is taken from the two-scale study or, in a run without a two-scale study, from the deterministic study.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ class RankRange(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Hold the ranking of several runs by their leakage at one load.
+    """Hold the ranking of several runs by their leakage at a load.
 
     Attributes
     ----------

@@ -118,8 +118,8 @@ class Results(Plotted):
     def leak_unit(self) -> LeakUnit:
         """Unit in which tables and pictures show the leakage.
 
-        This is the unit of the case, if it suits the fluid. Otherwise, a unit of leakage per unit seal length is chosen
-        that gives readable numbers.
+        Tables and pictures use the unit of the case, if this unit suits the fluid. If the case gives no suitable unit,
+        a unit of leakage per unit seal length is chosen that gives readable numbers.
         """
         return best_leakage.unit_of_leakage(self.dataset)
 
@@ -231,7 +231,7 @@ class Results(Plotted):
     def unloading(self, from_: float | str | None = None) -> xarray.Dataset:
         """Return the variables of the load steps on unloading, with the nominal pressure [Pa] as their dimension.
 
-        The first load step is the step on loading with the highest load before unloading.
+        The variables begin with the step on loading at which the unloading begins.
 
         Parameters
         ----------

@@ -283,9 +283,9 @@ class RunComparison(Plotted):
     def ranking(self) -> Ranking | None:
         """Ranking of the runs by their leakage at a load on loading that all runs have in common.
 
-        The load of the ranking is the highest common load at which at least two runs leak. If fewer than two runs leak
-        at every common load, it is the highest common load. The ranking is None if the runs have no load on loading in
-        common.
+        The load of the ranking is the highest common load at which at least two runs leak. If no common load has two
+        leaking runs, the runs are ranked at the highest common load. The ranking is None if the runs have no load on
+        loading in common.
         """
         step = self._ranked_step
         return None if step is None else self._ranking_at(step)
@@ -372,7 +372,8 @@ def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None)
         named after their folders.
     unit : str, optional
         Unit of the leakage, such as "mL/min". By default, the unit of the cases is used if all cases give the same
-        unit. Otherwise, a unit of leakage per unit seal length is chosen that gives readable numbers.
+        unit. If the cases give different units or no unit, a unit of leakage per unit seal length is chosen that gives
+        readable numbers.
 
     Returns
     -------

@@ -11,7 +11,7 @@ from ..base.text import display_package
 
 
 class RunPictures:
-    """Draw the pictures of a run. Each method returns a Matplotlib figure, which is displayed in a notebook.
+    """Draw the pictures of a run. Each method returns a Matplotlib figure, which notebooks display.
 
     Parameters
     ----------
@@ -56,12 +56,13 @@ class RunPictures:
         return self._shown("seal_figure", self._results, step)
 
     def pressure(self, step: int | None = None) -> Any:
-        """Draw the fluid pressure between inlet and outlet, with a line for each load that leaks.
+        """Draw the fluid pressure from inlet to outlet, with a line for each load at which the seal leaks.
 
         Parameters
         ----------
         step : int, optional
-            Index of the load step whose range over the seal is shaded; by default the last load that leaks.
+            Index of the load step for which the range of the fluid pressure over the seal is shaded; by default the
+            last step that leaks.
         """
         self._require("face_fluid_pressure", "a run that solved the surface")
         return self._shown("pressure_figure", self._results, step)
@@ -74,7 +75,7 @@ class RunPictures:
         return self._shown("surface_figure", self._results.dataset)
 
     def realisation(self, step: int | None = None) -> Any:
-        """Draw the realisation whose leakage is nearest to the median.
+        """Draw the realisation whose leakage is nearest to the median leakage.
 
         Parameters
         ----------
@@ -106,9 +107,11 @@ class RunPictures:
         folder : path, optional
             Folder of the files, which is created if needed; by default the folder of the results.
         formats : sequence of {"png", "svg", "pdf"}
-            File formats. In svg and pdf, text and lines stay sharp when enlarged, and maps contain all of their pixels.
+            File formats. In the formats svg and pdf, text and lines stay sharp when a picture is enlarged, and maps
+            contain all pixels.
         names : sequence of str
-            Names of the pictures, such as "leakage" and "cells"; by default all pictures for which there are data.
+            Names of the pictures, such as "leakage" and "cells"; by default all pictures for which the results contain
+            data.
         step : int, optional
             Index of the load step of the maps; by default the highest load that leaks.
 
@@ -129,7 +132,7 @@ class RunPictures:
         return f"<pictures of a run: plot(), {', '.join(f'plot.{name}()' for name in names)}>"
 
     def _shown(self, name: str, *arguments: Any) -> Any:
-        """Draw a picture with the function of `femseal.plots` that has this name, and show it."""
+        """Draw a picture with the function `name` of `femseal.plots`, and show the picture."""
         plots = display_package("plots")
         return plots.shown(getattr(plots, name)(*arguments))
 

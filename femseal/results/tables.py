@@ -228,8 +228,9 @@ def _with_open_steps(run: Results, texts: Iterable[str]) -> list[str]:
 def class_unit(run: Results) -> LeakUnit:
     """Return the unit in which the class leakage is shown.
 
-    Without a test fluid, this is the unit of all leakages of the run. With a test fluid, this is the unit of the case
-    or, if the unit of the case does not suit the test fluid, a usual unit for gases or liquids.
+    In a run without a test fluid, the class leakage has the unit of all leakages of the run. In a run with a test
+    fluid, the class leakage has the unit of the case or, if this unit does not suit the test fluid, a usual unit for
+    gases or liquids.
     """
     if "test_leakage" not in run.dataset:
         return run.leak_unit

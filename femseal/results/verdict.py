@@ -1,13 +1,13 @@
-"""Judge whether a seal meets leakage classes, from which load on, and how certain this is.
+"""Judge whether a seal meets leakage classes, which load is required, and how certain this judgement is.
 
 The report, the tables, the answer of a design and the terminal output state the verdicts of this module.
 `LeakageCurve.needed` finds the load that is required to keep the leakage within a limit, on loading or on unloading;
 the module `verdict_text` puts the required load into words.
 
 Between load steps, ln(leakage) is interpolated linearly in ln(pressure). Interpolation is impossible if the seal is
-sealed at one of the two steps, or if one of the two loads is zero. In this case, the load of the step that meets the
-limit is taken as the required load. The leakage is not extrapolated to loads outside the load cycle. A required load
-outside the load cycle is only known to be above the highest load or below the lowest load.
+sealed at one of the two steps, or if one of the two loads is zero. If interpolation is impossible, the load of the step
+that meets the limit is taken as the required load. The leakage is not extrapolated to loads outside the load cycle. A
+required load outside the load cycle is only known to be above the highest load or below the lowest load.
 
 A leakage class is regarded as not met at a load at which the computation failed or the fluid carries the whole load. A
 class is also regarded as not met if the computed leakage is zero, but its 95 % interval has no upper bound.
@@ -202,8 +202,7 @@ class LeakageCurve:
         peak : float, optional
             Highest load before unloading [Pa]. If `peak` is given, the function returns the lowest load on unloading at
             which the leakage is still within the limit. By default, the function returns the load on loading above
-            which the leakage is within the limit. By default, the result refers to loading: it is the load that must be
-            reached for the leakage to be within the limit.
+            which the leakage is within the limit.
         """
         steps = falling_steps(self.steps, peak)
         return self._needed(self.steps.pressures[steps], steps, limit, peak is not None)
@@ -305,8 +304,9 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
     """
     is_within = within(leakage, limit)  # (seal, step)
     seals = np.arange(len(leakage))
-    # For each seal, the first step that exceeds the limit, and the step before it; `argmin` finds the first False. Both
-    # are 0 if no step exceeds the limit, or if the first step does. These cases are treated at the end.
+    # For each seal, the first step that exceeds the limit, and the step before it; `argmin` finds the first False. The
+    # two indices are 0 if no step exceeds the limit, or if already the first step exceeds the limit. The result for
+    # these seals is set at the end.
     first_above = np.argmin(is_within, axis=1)
     last_within = np.maximum(first_above - 1, 0)
     pressure_within, pressure_above = pressure[last_within], pressure[first_above]

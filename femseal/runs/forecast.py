@@ -388,7 +388,7 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     if not case.output.budget:
         return []
     request = BudgetRequest(prepared, case.output.model_parts, case.hardness_tolerance)
-    # all versions of a prepared case are of this class, which only type checkers do not know
+    # every version of a prepared case is an instance of `Prepared`, which only type checkers do not know
     return [version for version in versions_of_budget(request) if isinstance(version, Prepared)]
 
 
