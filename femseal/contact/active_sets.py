@@ -2,19 +2,19 @@
 
 The solution minimises the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p) under a given load. The term ψ depends on the contact law.
 
-With v = Kp + h₁, the trial pressure of a point is p − c (v − δ). Its projection on the contact law is y, which is
-y = clip(p − c (v − δ), 0, H) for perfect plasticity. The approach δ is chosen such that Σ y is equal to the load. The
+With v = Kp + h₁, the trial pressure of a point is p − c (v − δ). The projection of the trial pressure on the
+contact law is y. For perfect plasticity, y = clip(p − c (v − δ), 0, H). The approach δ is chosen such that Σ y is equal to the load. The
 pressure p is the solution if p = y, for any step length c > 0.
 
 An iteration consists of three parts:
 
 1. If points have to change between separated, elastic and plastic, the active sets are changed: p is set to y, and v is
    computed by a product with K.
-2. A few steps of conjugate gradients reduce the energy. They change the pressure of the free points, that is, of points
-   that are elastic or harden. Each step needs a product with K.
+2. A few steps of conjugate gradients reduce the energy. The steps change the pressure of the free points, which are the
+   points that are elastic or harden. Each step needs a product with K.
 3. The contact is evaluated: δ, y and the residual ‖p − y‖/‖y‖ · c₀/c are computed.
 
-The iteration is an inexact semismooth Newton method, for which convergence is not proved. If the energy increases
+The iteration is an inexact semismooth Newton method. Its convergence is not proved. If the energy increases
 repeatedly, or after 60 iterations, the method in `descent` is used instead. Before the solver accepts a pressure as the
 solution, it computes v by a product with K and from v the residual, so that the residual belongs to the returned
 pressure. Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
@@ -160,7 +160,7 @@ def solve_active_sets(
     limit : int
         Largest number of iterations.
     tangents : Tangents, optional
-        Tangents of a curved law. Their method `evaluate` takes the place of `projection.evaluate`, and updates the
+        Tangents of a curved law. The method `tangents.evaluate` replaces `projection.evaluate`, and updates the
         hardness and slope of each point in `problem`.
 
     Returns

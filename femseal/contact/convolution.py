@@ -79,7 +79,7 @@ _PLANNING = threading.RLock()
 
 
 class Axis(NamedTuple):
-    """One axis of a grid.
+    """Describe an axis of a grid and its transform.
 
     points : number of points.
     length : length of the transform.
@@ -418,9 +418,9 @@ class CopiedColumns(StridedColumns):
     ) -> list[Call]:
         """Return the calls that transform some columns, multiply them by the symbol, and transform them back.
 
-        The columns are first copied to the rows of `copy`, because rows are transformed faster than columns. Their
-        waves are written to `block`. The inverse transform writes to `copy`, and the result is copied back to the
-        columns. `StridedColumns.calls_of_block` describes the parameters.
+        The columns are first copied to the rows of `copy`, because rows are transformed faster than columns. The
+        waves are written to `block`. The inverse transform writes to `copy`, from where the points are copied back to
+        the columns. `StridedColumns.calls_of_block` describes the parameters.
         """
         points = copy[:, : self.length]
         waves = block[:, : self.length]
@@ -437,7 +437,8 @@ class CopiedColumns(StridedColumns):
 def padded_length(n: int) -> int:
     """Compute the length to which a free axis of n points is padded, so that a cyclic convolution does not overlap.
 
-    The padded length is even and at least 2 n. Its prime factors are small, so that the transform is fast.
+    The padded length is even and at least 2 n. The padded length has small prime factors, so that the transform is
+    fast.
     """
     return 2 * int(next_fast_len(n, real=True)) if n > 1 else 1
 
@@ -471,8 +472,8 @@ def planner() -> Iterator[Planned]:
     The transform reads `points` and writes `waves`. The inverse transform overwrites `waves` and writes `target`.
 
     Which plan FFTW chooses depends on its earlier plans, which FFTW calls wisdom. The wisdom is therefore deleted
-    before each plan, except if shapes, strides and types of the arrays are those of the previous plan: with the wisdom
-    of an identical plan, FFTW plans ten times as fast. At the end of the `with` block, the wisdom that existed before
+    before each plan. There is an exception: if the arrays have the same shapes, strides and types as for the previous
+    plan, the wisdom remains, because FFTW then plans ten times as fast. At the end of the `with` block, the wisdom that existed before
     the block is restored. Saving and restoring the wisdom takes milliseconds.
     """
     pyfftw = fftw()
@@ -509,7 +510,7 @@ def mixing_weights(symbol: Array, mirror1: bool, mirror2: bool, transforms: int)
     """Compute the weights by which `multiply_mixing` multiplies the waves.
 
     Let S be the Fourier symbol of K. Without a mirror axis, there is one array of weights, the transpose of S. With a
-    mirror axis, there are four arrays of weights. They are made from the half sums ½(S(k) + S(N − k)) and the half
+    mirror axis, there are four arrays of weights, which are made from the half sums ½(S(k) + S(N − k)) and the half
     differences ½(S(k) − S(N − k)) along each axis:
 
     ===== ================ =================

@@ -1,7 +1,7 @@
 """Approximate the curve H(u) of a contact law by cubic pieces, which compiled loops can evaluate.
 
-Some curves consist of cubic pieces between known depths, for example tables and coatings of constant hardness. Such
-curves are represented exactly. All other curves are divided into pieces so short that a cubic through four points of a
+Curves that consist of cubic pieces between known depths, such as tables and coatings of constant hardness, are
+represented exactly. All other curves are divided into pieces so short that a cubic through four points of a
 piece agrees with the curve to eleven digits.
 """
 
@@ -149,7 +149,8 @@ def _values(
 ) -> Array:
     """Compute the hardness [Pa] at n positions in each piece, as an array (pieces, n).
 
-    start, width : depth at which each piece begins, and its width [m], (pieces,).
+    start : depth at which each piece begins [m], (pieces,).
+    width : width of each piece [m], (pieces,).
     positions : positions within a piece, from 0 at its beginning to 1 at its end, (n,).
     """
     depth = start[:, None] + width[:, None] * positions

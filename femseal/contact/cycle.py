@@ -223,8 +223,8 @@ def load_states(
         Memory that is needed to solve a state and to call `take` [byte]. The number of states that are solved at the
         same time is limited accordingly.
     mapper : callable
-        Function like `map` that solves several independent load steps, for example in parallel. It is called with all
-        steps of first loading, and then with all steps of unloading.
+        Function like `map` that solves several independent load steps, for example in parallel. `mapper` is called
+        twice: with all steps of first loading, and then with all steps of unloading.
 
     Yields
     ------

@@ -64,12 +64,13 @@ class HalfSpace:
     Notes
     -----
     Sources: Johnson, Contact Mechanics, 1985; Stanley & Kato, J. Tribol. 119, 1997, 481 (periodic); Liu, Wang & Liu,
-    Wear 243, 2000, 101 (free). With one free axis, a pressure that is uniform along the other axis causes a
-    logarithmic displacement, as in plane strain. The constant of the logarithm is arbitrary, and therefore the mean of
-    `displacement` is arbitrary as well.
+    Wear 243, 2000, 101 (free).
 
-    Free axes are padded to lengths whose transforms are fast. Periodic and mirror axes cannot be padded, so that a
-    large prime factor in their number of points slows everything down: 1021² points take 8 times as long as 1024².
+    If one axis is free and the pressure varies only along this axis, the displacement is logarithmic, as in plane
+    strain. The constant of the logarithm is arbitrary. The mean of `displacement` is therefore arbitrary as well.
+
+    Free axes are padded to lengths whose transforms are fast. Periodic and mirror axes cannot be padded. A large prime
+    factor in their number of points makes the transforms slow: 1021² points take 8 times as long as 1024² points.
     `Topography.resample` can change the number of points.
 
     Examples
@@ -269,9 +270,9 @@ def strip_symbol(
     d_free : float
         Spacing along the free axis [m].
     q : array (waves,)
-        Wave numbers of the other axis [rad/m].
+        Wave numbers along the periodic or mirror axis [rad/m].
     d_other : float
-        Spacing along the other axis [m].
+        Spacing along the periodic or mirror axis [m].
     modulus : float or pair of bodies
         Contact modulus E* [Pa], or the two bodies.
 
@@ -306,8 +307,8 @@ def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> A
     n : number of points of the free axis.
     length : padded length of the free axis, as a number of points.
     d : pixel length of the free axis [m].
-    q : wave numbers of the other axis [rad/m].
-    d_other : pixel length of the other axis [m].
+    q : wave numbers along the periodic or mirror axis [rad/m].
+    d_other : pixel length along the periodic or mirror axis [m].
     """
     kernel = np.zeros((q.size, length // 2 + 1))  # (wave, offset)
     is_wave = q > 0

@@ -484,8 +484,8 @@ class _ChangedLaw(ContactLaw):
 class SofterOf(ContactLaw):
     """Contact law of two bodies. At each depth u the softer body yields: H(u) = min(H₁(u), H₂(u)).
 
-    To combine two bodies, call the function `softer_of`. It makes a law of this class only if the curves H₁(u) and
-    H₂(u) cross.
+    To combine two bodies, call the function `softer_of`, which makes a `SofterOf` only if the curves H₁(u) and H₂(u)
+    cross.
 
     Parameters
     ----------

@@ -63,7 +63,7 @@ def checked_modulus(modulus: object) -> float | Bodies:
     Raises
     ------
     InputError
-        The value is neither a number > 0 nor two bodies, or both bodies are rigid.
+        The value is neither a positive number nor a pair of bodies, or the two bodies are rigid.
     """
     if not isinstance(modulus, (tuple, list)):
         if isinstance(modulus, (Solid, Coated)):
@@ -125,7 +125,7 @@ def scaled(modulus: Bodies, factor: float) -> Bodies:
 
 
 def layer_factor(body: Coated, t: Array) -> Array:
-    """Compute S(t), the ratio of the compliance of a coated body to that of a half-space of the layer's material.
+    """Compute S(t): the compliance of a coated body, divided by the compliance of a half-space of the layer's material.
 
     Parameters
     ----------
@@ -163,12 +163,12 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
     The uncoated half-spaces consist of the materials of the layers. The change is a term of the kernel of
     `half_space.strip_symbol`, before the Fourier transform.
 
-    Let q₁ be the wave number along the free axis, q₂ the wave number along the other axis, and q² = q₁² + q₂². For
+    Let q₁ be the wave number along the free axis, q₂ the wave number along the periodic or mirror axis, and q² = q₁² + q₂². For
     q₂ > 0, the change is (1/2π) ∫ 2(S(qd) − 1)/(E₁* q) exp(i q₁ x) dq₁, averaged over pixels. The integral is computed
     by the trapezoidal rule, which is a Fourier transform. Because the integrand is smooth, the rule converges
     exponentially.
 
-    For q₂ = 0, the change is a sum of logarithms. It contains one logarithm for each exponential of the fit of S − 1.
+    For q₂ = 0, the change is a sum of logarithms, one logarithm for each exponential of the fit of S − 1.
 
     Parameters
     ----------
@@ -177,9 +177,9 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
     d_free : float
         Spacing along the free axis [m].
     q : array (waves,)
-        Wave numbers q₂ of the other axis [rad/m].
+        Wave numbers q₂ along the periodic or mirror axis [rad/m].
     d_other : float
-        Spacing along the other axis [m].
+        Spacing along the periodic or mirror axis [m].
     bodies : pair of bodies
         The two bodies.
 
@@ -315,7 +315,7 @@ def _long_wave_factor(body: Coated) -> float:
 
 
 def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
-    """Compute the change of the displacement by a coating for a pressure that is uniform along the other axis.
+    """Compute the change of the displacement by a coating for a pressure that varies only along the free axis.
 
     Each exponential a exp(−bt) of `_exponentials` adds the displacement −(2a/πE₁*) ln √(x² + z²) at the distance x from
     a line load, with z = b d. The integral of ½ ln(x² + z²) over a pixel is the difference of
@@ -337,7 +337,7 @@ def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
 
 
 def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -> Array:
-    """Compute the change of the displacement by a coating for waves q > 0 of the pressure along the other axis.
+    """Compute the change of the displacement by a coating for waves q > 0 along the axis that is not free.
 
     See `strip_difference` for the integral. The pressure on a pixel is uniform, and therefore contains aliases of the
     waves along both axes. The contributions of all aliases are added up. The weight of an alias is the Fourier
@@ -345,8 +345,8 @@ def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -
 
     n : number of points of the free axis.
     d : pixel length of the free axis [m].
-    q : wave numbers along the other axis (waves,) [rad/m]; the largest is at most twice the smallest.
-    d_other : pixel length of the other axis [m].
+    q : wave numbers along the axis that is not free (waves,) [rad/m]; the largest is at most twice the smallest.
+    d_other : pixel length of the axis that is not free [m].
 
     Returns the change of the displacement (wave, offset) for a pressure of 1 Pa on the pixel at offset 0 [m/Pa].
     """

@@ -265,8 +265,8 @@ def find_approach(x, n, hardness, slope, c_law, listed, c, load, start):
     c_law : value of c [Pa/m] in t = h/(h + c), the slope dy/dz of a point that hardens.
 
     In a projection step, `c` and `c_law` are both equal to the length of this step. When `project` adds a uniform
-    pressure δ to the free points, c = 1 and c_law = 0. Then t = 1, so that the pressure of points that harden increases
-    by δ as well.
+    pressure δ to the free points, c = 1 and c_law = 0. With c_law = 0, t is 1, so that the pressure of points that
+    harden increases by δ as well.
 
     Returns δ, and whether the points can carry the load.
     """
@@ -281,7 +281,7 @@ def find_approach(x, n, hardness, slope, c_law, listed, c, load, start):
 
 
 def _bounds(values: list[Any]) -> Any:
-    """Combine the results of `capacity` for all parts: the first two by maxima, the other two by sums."""
+    """Combine the results of `capacity` for all parts: maxima of `highest` and `full`, sums of `total` and `rise`."""
     highest, full, total, rise = zip(*values, strict=True)
     return max(highest), max(full), sum(total), sum(rise)
 

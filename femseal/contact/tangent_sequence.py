@@ -1,4 +1,4 @@
-"""Solve a contact with a curved law H(u) as a sequence of contacts, in which tangents replace the curve.
+"""Solve a contact with a curved law H(u) as a sequence of contacts with tangents of the curve.
 
 Each tangent touches the curve at the plastic deformation of the previous contact. The sequence takes 5 to 20 times as
 long as a single contact with a linear law. The sequence is used for the contact laws that `curved_law` cannot solve:
@@ -47,8 +47,8 @@ def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
     projection on the contact law. The target residual of a contact is a fraction of the mismatch after the previous
     contact.
 
-    If the law of a point softens, and the change of u has reversed its sign, only half of the change is made. Otherwise
-    u could oscillate between two tangents. If the law begins with a constant hardness up to a certain depth, and no
+    If the law of a point softens, and the change of u has reversed its sign, only half of the change is made.
+    Without this rule, u could oscillate between two tangents. If the law begins with a constant hardness up to a certain depth, and no
     point is deformed beyond this depth, the first contact is already the solution.
 
     Raises

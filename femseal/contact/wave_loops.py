@@ -156,9 +156,8 @@ def copy_columns(columns, block, twist, order):
 def copy_columns_back(columns, block, twist, order):
     """Copy the rows of a block back to columns, as the inverse of `copy_columns`.
 
-    If `twist` is given, a point is the sum of two values. The first value is taken from the row in the first half of
-    the block. The second value is taken from the row in the second half, and is multiplied by the complex conjugate of
-    the factor `twist` of this point.
+    If `twist` is given, a point is the sum of two values: the value from the row in the first half of the block, and
+    the value from the row in the second half, which is multiplied by the complex conjugate of `twist`.
     """
     n1, count = columns.shape
     second_half = block.shape[0] // 2  # first row of the second half of the block

@@ -118,7 +118,7 @@ def cells_figure(results: Results) -> Figure:
 
 
 def _add_load_bar(axes: Axes, cells: _CellValues, results: Results) -> None:
-    """Draw a bar above the axes with the colours of the loads. Labels for which there is no room are left out."""
+    """Draw a bar above the axes with the colours of the loads. Labels that would overlap are left out."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, ListedColormap
 

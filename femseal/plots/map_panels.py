@@ -197,7 +197,7 @@ def clip_to_decades(values: Array, decades: int) -> tuple[Array, Any]:
     -------
     values : array
         Limited values. Positive values below the lower end of the colour scale are replaced by the lower end. Values of
-        0 are replaced by a value below the scale, for which the colour map has a special colour. NaN stays NaN.
+        0 are replaced by a value below the scale, which is drawn in a special colour. NaN stays NaN.
     norm : LogNorm
         Colour scale.
     """

@@ -55,10 +55,10 @@ _FLOW = "#D7191C"
 def default_step(data: xarray.Dataset) -> int:
     """Return the index of the load step that pictures show by default: the highest load at which the seal leaks.
 
-    At such a load, the surface may leak only along a path that winds through several cells. In this case, no single
-    cell is permeable, and no fluid flows through the tiles of the realisation. If the results contain a realisation,
-    the highest load is therefore chosen at which fluid also flows through its tiles. If the seal leaks at no load, the
-    index is 0.
+    At the highest load that leaks, the surface may leak only along a path that winds through several cells, although no
+    single cell is permeable. No fluid then flows through the tiles of the realisation. If the results contain a
+    realisation, only loads with a flow through its tiles are therefore considered, as far as there are such loads. If
+    the seal leaks at no load, the index is 0.
     """
     leaks = np.nan_to_num(surface_leakage(data)) != 0  # (step,)
     if "drawn_flux" in data:

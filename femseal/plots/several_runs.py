@@ -47,8 +47,8 @@ def comparison_figure(comparison: RunComparison) -> Figure:
     are more than three runs. If no run has an error budget, the scatter between realisations is drawn instead of the
     intervals.
 
-    The picture of a sweep has a second panel, which shows the leakage at the highest load at which all runs leak. The
-    horizontal axis of this panel shows the values of the key with the largest number of values.
+    The picture of a sweep has a second panel with the leakages at a single load, the highest load at which all runs
+    leak. The horizontal axis of this panel shows the values of the key with the largest number of values.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def _leakages_at(comparison: RunComparison, step: LoadStep) -> Array:
 def _intervals_at(comparison: RunComparison, step: LoadStep) -> tuple[Array, Array]:
     """Return the lower and the upper end of the 95 % interval of every run at a load step, two arrays (runs,).
 
-    The ends are absolute values. They are NaN for runs without an error budget.
+    The ends are absolute values, and NaN for runs without an error budget.
     """
     low = np.full(len(comparison.runs), np.nan)
     high = low.copy()

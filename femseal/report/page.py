@@ -1,6 +1,6 @@
 """Write the report of a run: one self-contained HTML page for screens, phones and paper.
 
-The page contains no scripts and loads no other files. It can be printed from a browser, also to a PDF file.
+The page contains no scripts and loads no other files. A browser can print the page, also to a PDF file.
 """
 
 from __future__ import annotations

@@ -72,8 +72,8 @@ def key_numbers(results: Results) -> list[KeyNumber]:
 def _whole_seal_unit(results: Results, values: Array) -> LeakUnit:
     """Choose a unit for the leakage of the whole seal.
 
-    If the case states a unit for the leakage of a whole seal, the function returns this unit. Otherwise, it returns a
-    unit in which the leakages of the whole seal are numbers of a readable size.
+    If the case states a unit for the leakage of a whole seal, this unit is returned. If not, a unit is chosen in which
+    the leakages of the whole seal are numbers of a readable size.
 
     values : leakages per length of seal [m²/s], (any number,).
     """

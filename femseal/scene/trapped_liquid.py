@@ -31,8 +31,8 @@ class TrappedLiquid:
     load : float
         Nominal pressure [Pa].
     step : array, (pockets,)
-        Change of the pressure of each pocket for the next round of the iteration [Pa]. The change is NaN for a pocket
-        that first closes at this load, because the liquid in such a pocket has the pressure of the fluid around it.
+        Change of the pressure of each pocket for the next round of the iteration [Pa]. For a pocket that first closes
+        at this load, the change is NaN, because its liquid has the pressure of the fluid around the pocket.
     error : float
         Relative error of the volumes, Σ|V − V_l|/ΣV, with the volume V of each pocket and the volume V_l of its liquid.
     """

@@ -49,7 +49,7 @@ _LONGEST_NAME = 100
 
 @dataclass(frozen=True)
 class Variation:
-    """One case of a sweep.
+    """Describe a case of a sweep.
 
     Parameters
     ----------
