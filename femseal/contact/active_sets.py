@@ -3,8 +3,8 @@
 The solution minimises the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p) under a given load. The term ψ depends on the contact law.
 
 With v = Kp + h₁, the trial pressure of a point is p − c (v − δ). The projection of the trial pressure on the
-contact law is y. For perfect plasticity, y = clip(p − c (v − δ), 0, H). The approach δ is chosen such that Σ y is equal to the load. The
-pressure p is the solution if p = y, for any step length c > 0.
+contact law is y. For perfect plasticity, y = clip(p − c (v − δ), 0, H). The approach δ is chosen such that Σ y is equal
+to the load. The pressure p is the solution if p = y, for any step length c > 0.
 
 An iteration consists of three parts:
 

@@ -473,8 +473,8 @@ def planner() -> Iterator[Planned]:
 
     Which plan FFTW chooses depends on its earlier plans, which FFTW calls wisdom. The wisdom is therefore deleted
     before each plan. There is an exception: if the arrays have the same shapes, strides and types as for the previous
-    plan, the wisdom remains, because FFTW then plans ten times as fast. At the end of the `with` block, the wisdom that existed before
-    the block is restored. Saving and restoring the wisdom takes milliseconds.
+    plan, the wisdom remains, because FFTW then plans ten times as fast. At the end of the `with` block, the wisdom that
+    existed before the block is restored. Saving and restoring the wisdom takes milliseconds.
     """
     pyfftw = fftw()
     last_problem = None

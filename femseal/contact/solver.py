@@ -82,10 +82,11 @@ def solve_contact(
 
     Notes
     -----
-    The contact is solved by an inexact semismooth Newton method. The active sets of the method are the points in contact
-    and the points at the hardness, as in gradient-projection conjugate gradients (Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky &
-    Keer, Wear 231, 1999, 206). If the active sets still change after many iterations, the solver continues with steps
-    that never increase the energy. The attribute `residual` of the returned `Contact` belongs to the returned pressure.
+    The contact is solved by an inexact semismooth Newton method. The active sets of the method are the points in
+    contact and the points at the hardness, as in gradient-projection conjugate gradients (Moré & Toraldo, SIAM J.
+    Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206). If the active sets still change after many iterations,
+    the solver continues with steps that never increase the energy. The attribute `residual` of the returned `Contact`
+    belongs to the returned pressure.
 
     Examples
     --------

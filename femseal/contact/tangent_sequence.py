@@ -48,8 +48,8 @@ def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
     contact.
 
     If the law of a point softens, and the change of u has reversed its sign, only half of the change is made.
-    Without this rule, u could oscillate between two tangents. If the law begins with a constant hardness up to a certain depth, and no
-    point is deformed beyond this depth, the first contact is already the solution.
+    Without this rule, u could oscillate between two tangents. If the law begins with a constant hardness up to a
+    certain depth, and no point is deformed beyond this depth, the first contact is already the solution.
 
     Raises
     ------

@@ -88,9 +88,9 @@ def cells_figure(results: Results) -> Figure:
     """Draw the permeability of the cells towards the outlet against their mean gap and their contact pressure.
 
     Sealed cells are left out, and cells whose permeability is less than a millionth of the highest permeability. The
-    line in the first panel is the permeability h̄³/12 of parallel plates with the gap h̄. The permeability of cells with
-    wide gaps approaches this line. The lines in the second panel are the median permeabilities of the open cells at
-    each load. For a stochastic run, the picture shows all cells that a realisation can contain. For a two-scale run,
+    line in the first panel is the permeability h̄³/12 of parallel plates with the gap h̄. The permeability of cells
+    with wide gaps approaches this line. The lines in the second panel are the median permeabilities of the open cells
+    at each load. For a stochastic run, the picture shows all cells that a realisation can contain. For a two-scale run,
     the picture shows the cells of the surface at each load.
 
     Parameters

@@ -82,7 +82,8 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
     """Draw maps of the realisation whose leakage is nearest to the median.
 
     One map shows the fluid pressure of the whole seal. The last map shows the flow near the point with the largest
-    flow. The maps of pressure and flow contain streamlines; a thick line marks the streamline through the point with the largest flow.
+    flow. The maps of pressure and flow contain streamlines; a thick line marks the streamline through the point with
+    the largest flow.
 
     If the load has a pressure map, or if the seal has a form deviation, a map of the contact pressure is added. If the
     seal has a form deviation, maps of the form deviation and of the distance between the mean planes of the faces are
