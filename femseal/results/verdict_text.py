@@ -336,17 +336,15 @@ class _Answer:
         if lowered.by_load < 1:
             load = "load" if force_scale(self.results.dataset) is None else "force"
             texts.append(
-                f"a {load} higher by {100 * LOAD_INCREASE:g} % would let through about "
-                f"{lowered.by_load:.2g} times as much"
+                f"With a {load} that is {100 * LOAD_INCREASE:g} % higher, the seal would leak about "
+                f"{lowered.by_load:.2g} times as much."
             )
         if lowered.by_finish < 1:
-            verb = "" if texts else "would let through "
             texts.append(
-                f"a finish whose heights are lower by {100 * (1 - HEIGHTS):.0f} % {verb}about "
-                f"{lowered.by_finish:.2g} times as much"
+                f"With a finish whose heights are {100 * (1 - HEIGHTS):.0f} % lower, the seal would leak about "
+                f"{lowered.by_finish:.2g} times as much."
             )
-        text = ", and ".join(texts)
-        return f"{text[:1].upper()}{text[1:]}." if text else ""
+        return " ".join(texts)
 
 
 def _about_accuracy(results: Results) -> Paragraph:
