@@ -1,9 +1,9 @@
-"""Correct a numerical flux so that inflow and outflow of every node are equal.
+"""Correct a numerical flux so that the inflow and the outflow of every node are equal.
 
-The excess of a node is its inflow less its outflow. The excess of each node is sent to the inlet or the outlet along a
-spanning tree. The flux of a numerical solution is only conserved up to rounding errors, which matter if the
-permeabilities differ by many orders of magnitude. A lower bound of the flow by Thomson's principle requires a flux that
-is conserved exactly.
+The excess of a node is defined as the inflow less the outflow of the node. The correction sends the excess of each node
+along a spanning tree of the network to the inlet or the outlet. The flux of a numerical solution is only conserved up
+to rounding errors, which matter if the permeabilities differ by many orders of magnitude. A lower bound of the flow by
+Thomson's principle requires a flux that is conserved exactly.
 """
 
 from __future__ import annotations
@@ -19,37 +19,37 @@ from .percolation import union
 _LARGEST = 1024
 #: Number of binary exponents from the smallest to the largest number in double precision, rounded up.
 _EXPONENTS = 2100
-#: Number that is stored in place of the exponent of a closed link.
+#: Value that marks a closed link in an array of exponents.
 _CLOSED = -2000
 
 
 @compiled()
-def _exponents(width):
-    """Return the binary exponent of the width of each link."""
-    exponents = np.empty(width.size, np.int16)
-    for k in range(width.size):
-        exponents[k] = frexp(width[k])[1] if width[k] > 0.0 else _CLOSED
+def _exponents(conductance):
+    """Return the binary exponent of the conductance of each link, and `_CLOSED` for closed links."""
+    exponents = np.empty(conductance.size, np.int16)
+    for k in range(conductance.size):
+        exponents[k] = frexp(conductance[k])[1] if conductance[k] > 0.0 else _CLOSED
     return exponents
 
 
 @compiled()
-def balance(tail, head, width, flux, nodes):
+def balance(tail, head, conductance, flux, nodes):
     """Correct a flux in place so that it is conserved at every node except node 0.
 
-    Node 0 stands for both ends of the seal, where fluid enters and leaves.
+    Node 0 combines the inlet and the outlet of the seal, where fluid enters and leaves.
 
     Parameters
     ----------
     tail, head : arrays (links,), node at which each link begins and node at which it ends.
-    width : array (links,), conductance of each link. Links with the conductance 0 keep their flux.
-    flux : array (links,), flux from tail to head. It must be 0 in links with the conductance 0.
+    conductance : array (links,), conductance of each link. Fluxes in links with the conductance 0 are not changed.
+    flux : array (links,), flux from tail to head. The flux must be 0 in links with the conductance 0.
     nodes : number of nodes. Each node with a flux must be connected to node 0 by links with a conductance > 0.
     """
     excess = np.zeros(nodes)
     for k in range(flux.size):
         excess[tail[k]] -= flux[k]
         excess[head[k]] += flux[k]
-    link = _send(tail, head, _exponents(width), excess)
+    link = _send(tail, head, _exponents(conductance), excess)
     for node in range(1, nodes):
         if excess[node] != 0.0:
             k = link[node]
@@ -59,15 +59,22 @@ def balance(tail, head, width, flux, nodes):
 
 @compiled()
 def _send(tail, head, exponent, excess):
-    """Send the excess of all nodes to node 0 along a spanning tree; return the link from each node to its parent.
+    """Send the excess of all nodes to node 0 along a spanning tree.
 
-    The tree consists of the widest links (Kruskal's algorithm), so that excess only passes a narrow link where there is
-    no other path. On return, `excess` contains the flux from each node to its parent in the tree.
+    The tree consists of the links with the largest conductances (Kruskal's algorithm). Excess therefore passes through
+    a link with a small conductance only if there is no other path to node 0.
+
+    excess : array (nodes,), excess of each node; on return, the flux from each node to the parent of the node in the
+        tree.
+
+    Returns
+    -------
+    Array (nodes,), number of the link from each node to its parent.
     """
     nodes = excess.size
     degree, links_xor = spanning_tree(tail, head, exponent, nodes)
-    # Remove the leaves of the tree one after another. A leaf has a single remaining link, whose number is the exclusive
-    # or of the numbers of its remaining links. After its removal, this number remains in `links_xor`.
+    # Remove the leaves of the tree one after another. A leaf has a single remaining link, and `links_xor` of the leaf
+    # is the number of this link. The number remains in `links_xor` after the leaf is removed.
     for leaf in range(1, nodes):
         node = np.int64(leaf)
         while node != 0 and degree[node] == 1:
@@ -83,20 +90,20 @@ def _send(tail, head, exponent, excess):
 
 @inner()
 def spanning_tree(tail, head, exponent, nodes):
-    """Find the spanning tree of the widest links (Kruskal's algorithm).
+    """Find the spanning tree of the links with the largest conductances (Kruskal's algorithm).
 
     Parameters
     ----------
-    tail, head : arrays (links,), the two nodes of each link.
-    exponent : array (links,), binary exponent of the width of each link; `_CLOSED` marks a closed link.
+    tail, head : arrays (links,), first node and second node of each link.
+    exponent : array (links,), binary exponent of the conductance of each link; `_CLOSED` marks a closed link.
     nodes : number of nodes.
 
     Returns
     -------
-    degree : array (nodes,), number of tree links at each node.
-    links_xor : array (nodes,), exclusive or (XOR) of the numbers of all tree links at each node. When a link is removed
-        from the tree, the exclusive or with its number removes this number from the value of both its nodes. A node
-        with one remaining link (a leaf) therefore has the number of this link as its value.
+    degree : array (nodes,), number of links of the tree at each node.
+    links_xor : array (nodes,), bitwise exclusive or (XOR) of the numbers of all links of the tree at each node. At a
+        leaf, which is a node with a single link, `links_xor` is the number of the link. To remove link k from the tree,
+        replace the values v of the two nodes of the link by v XOR k.
     """
     degree = np.zeros(nodes, np.int32)
     links_xor = np.zeros(nodes, np.int32)
@@ -111,9 +118,9 @@ def spanning_tree(tail, head, exponent, nodes):
 
 @inner()
 def _widest_first(exponent):
-    """Sort the open links by their exponents, widest first, and return their numbers.
+    """Return the numbers of the open links in the order of falling binary exponents of the conductance.
 
-    A counting sort by exponents takes a tenth of the time of sorting by widths.
+    A counting sort by exponents takes a tenth of the time that a sort by conductances takes.
     """
     # next position in the sorted list for the links of each exponent; slot 0 is the largest exponent
     position = np.zeros(_EXPONENTS + 1, np.int64)

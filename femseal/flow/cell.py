@@ -1,13 +1,14 @@
 """Compute the permeability of a cell from its gap by solving ∇·(K ∇p) = 0, where K is h³/12 or another flow law.
 
-The discrete problem is defined in `flow.plain`, which assembles it with scikit-fem. This module uses the same operator
-in the form of a network of links between neighbouring pixels. The discretisation error is of second order in the pixel
-size.
+The module `flow.plain` defines the discrete problem, and assembles the matrix with scikit-fem. The module `flow.cell`
+represents the same matrix by a network of links between neighbouring pixels. The discretisation error is of second
+order in the pixel size.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -29,7 +30,10 @@ _FILL_RTOL, _FILL_ITERATIONS = 1e-5, 100
 
 
 def cell_stencil(gap: Array, spacing: Pair, sides: str) -> Stencil:
-    """Build the network of links between the pixels of a cell and its ends, from the gap (n1, n2) at the pixels."""
+    """Build the network of links that join the pixels of a cell to each other, to the inlet and to the outlet.
+
+    gap : array (n1, n2), gap at the pixel centres.
+    """
     n1, n2 = gap.shape
     is_ring = sides == "periodic"
     along = np.empty((n1 + 1, n2))
@@ -47,8 +51,8 @@ _cubic_law = inner()(cubic_law)
 def _conductances(first, end, gap, is_ring, weights, along, across):
     """Compute the conductances of the links in rows `first` to `end` − 1.
 
-    Row i of `along` has the links from the pixels of row i − 1, or from the inlet, to the pixels of row i. The links
-    from the last row of pixels to the outlet are computed together with this row.
+    Row i of `along` contains the links from row i − 1 of the pixels to row i; row 0 contains the links from the inlet
+    to row 0 of the pixels. The links from the last row of pixels to the outlet are computed together with the last row.
     """
     # `along` and `across` first contain the gaps on the links, which are then replaced by the conductances
     gap_on_rows(first, end, gap, False, is_ring, along, across)
@@ -68,13 +72,15 @@ class Permeability(Shown):
 
     Attributes
     ----------
-    value : permeability k [m³], such that the volume flow per width is (k/η) Δp/L1; 0 if the cell does not percolate.
+    value : permeability k [m³], defined by the volume flow rate per width, (k/η) Δp/L1; 0 if the cell does not
+        percolate.
     percolates : whether an open path connects inlet and outlet.
     percolating_fraction : fraction of the pixels that are connected to both inlet and outlet.
     iterations, residual, imbalance, solver : details of the solution of the linear system, see
         `femseal.flow.DarcyFlow`.
-    fluid_pressure : array (n1, n2), pressure at the pixels for a pressure of 1 at the inlet and 0 at the outlet. It is
-        NaN at pixels in contact and in pockets, which are connected to neither end.
+    fluid_pressure : array (n1, n2), fluid pressure at the pixels for a pressure of 1 at the inlet and 0 at the outlet.
+        The array contains NaN for pixels in contact and for pockets, which are connected neither to the inlet nor to
+        the outlet.
     """
 
     value: float = field(metadata={"unit": "m^3", "long_name": "permeability"})
@@ -115,16 +121,17 @@ def cell_permeability(
     sides : "mirror" (no flow through the sides) or "periodic".
     rtol : largest relative error of the permeability that an iterative solver may leave. The relative error of the
         pressure is about √rtol, because the error of the permeability is the square of the error of the pressure.
-    solver : "auto", or the name of a solver. "multigrid" and "elimination" take the fast path, see
-        `femseal.flow.solve_flow`. "amg" (pyamg) and "direct" (factorisation) take the plain path by scikit-fem, which
-        gives the same permeability but takes many times as long.
+    solver : "auto", or the name of a solver. "multigrid" and "elimination" are the fast solvers, see
+        `femseal.flow.solve_flow`. "amg" (pyamg) and "direct" (factorisation) solve the matrix that scikit-fem
+        assembles; they give the same permeability, but take many times as long as the fast solvers.
     field_rtol : largest relative error of the pressure in the energy norm that an iterative solver may leave; None for
-        √rtol. With 1e-6 no error is visible in a picture of the pressure.
+        √rtol. If `field_rtol` is 1e-6, no error is visible in a picture of the pressure.
     law : flow law, which gives the permeability of a gap between parallel plates, such as `fluid.law`; see
         `femseal.flow.law`.
     pressure : fluid pressure [Pa], a number or an array (n1, n2), for flow laws that depend on it.
-    threads : number of threads for a grid of 512² points or more. By default these are the threads that the current run
-        leaves free, or one thread if there is no run. The number of threads does not change the result.
+    threads : number of threads for a grid of 512² points or more. By default, one thread is used; inside a run, the
+        default is the number of threads that the run provides for each computation. The number of threads does not
+        change the result.
 
     Returns
     -------
@@ -176,8 +183,8 @@ class CellFlow:
 
     Attributes
     ----------
-    factor : ratio of the permeability [m³] to the conductance of `flow`.
-    flow : solution, with the pressure at the inlet, at the pixel centres and at the outlet.
+    factor : ratio of the permeability [m³] of the whole cell to the conductance of `flow`.
+    flow : flow through the whole cell, with the pressures at the inlet, at the pixel centres and at the outlet.
     core_ratio : ratio of the permeability of the core to the permeability of the whole cell; 1 without overlaps.
     """
 
@@ -207,19 +214,19 @@ def cell_flow(
     Parameters
     ----------
     gap, spacing, axis, sides, solver, rtol, field_rtol : as in `cell_permeability`.
-    core : columns of the core as a half-open range (first, last + 1), counted perpendicular to the flow; None if the
-        core is the whole cell. See `flow.core_flux`.
+    core : range (first, last + 1) of the columns of the cell itself, without its overlaps into neighbouring cells;
+        columns are counted perpendicular to the flow. None if the cell has no overlaps. See `flow.core_flux`.
 
     Returns
     -------
-    CellFlow with the permeability of the core.
+    CellFlow with the permeability of the core, that is, of the cell without its overlaps.
 
     Raises
     ------
     InputError, NotConverged : as in `cell_permeability`.
     """
     validate.tolerance("rtol", rtol)
-    h, (d1, d2), scale = _scaled(gap, spacing, axis, sides)
+    h, (d1, d2), largest_gap = _scaled(gap, spacing, axis, sides)
     n1, n2 = h.shape
     if solver in PLAIN_SOLVERS:
         flow = solve_plain(h, (d1, d2), sides, rtol=rtol, field_rtol=field_rtol, solver=solver)
@@ -235,19 +242,28 @@ def cell_flow(
         ratio = core_ratio(along, flow, core)
     length = n1 * d1
     width = n2 * d2
-    return CellFlow(scale**3 * length / width, flow, ratio)
+    return CellFlow(largest_gap**3 * length / width, flow, ratio)
 
 
-def _scaled(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, Pair, float]:
-    """Check a gap and divide it by its largest value.
+class _ScaledCell(NamedTuple):
+    """Gap and spacing of a cell without units, arranged so that the fluid flows along the first axis.
 
-    Returns the scaled gap, transposed if the flow is along the second axis; the scaled spacing; and the largest gap
-    [m], or 1 if the cell is closed everywhere.
+    gap : array (n1, n2), gap divided by `largest_gap`.
+    spacing : lengths of a pixel, divided by a power of two.
+    largest_gap : largest gap [m], or 1 m if the gap is 0 everywhere.
     """
+
+    gap: Array
+    spacing: Pair
+    largest_gap: float
+
+
+def _scaled(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> _ScaledCell:
+    """Check the gap and the spacing of a cell, and divide both by a scale."""
     h, spacing = validated_cell(gap, spacing, axis, sides)
-    scale = float(h.max()) or 1.0
-    h /= scale
-    return h, unit_spacing(spacing), scale
+    largest_gap = float(h.max()) or 1.0
+    h /= largest_gap
+    return _ScaledCell(h, unit_spacing(spacing), largest_gap)
 
 
 def pixel_dissipation(
@@ -255,20 +271,21 @@ def pixel_dissipation(
 ) -> Array:
     """Compute the dissipation in each pixel for a flow along x1 through a cell with periodic sides.
 
-    The dissipation in a link between two pixels is shared equally by both. The dissipation in a link to the inlet or
-    the outlet is attributed to the only pixel of this link.
+    Half of the dissipation in a link between two pixels is assigned to each of the two pixels. A link to the inlet or
+    the outlet has only one pixel, to which the whole dissipation in the link is assigned.
 
     Parameters
     ----------
     gap : array (n1, n2), gap [m].
     spacing : lengths (Δ1, Δ2) of a pixel [m].
-    potential : array (n1, n2), potential at the pixels for 1 at the inlet and 0 at the outlet; NaN where nothing flows.
+    potential : array (n1, n2), potential at the pixels for a potential of 1 at the inlet and 0 at the outlet; NaN at
+        pixels without flow.
     seam : whether fluid flows through the links from the last column to the first one.
 
     Returns
     -------
-    Array (n1, n2), dissipation [m³] for a unit drop of the potential. For the pressure that `cell_permeability` gives,
-    the sum is the conductance k L2/L1.
+    Array (n1, n2), dissipation in each pixel for a unit potential drop, in m³ as the conductance. If `potential` is the
+    fluid pressure that `cell_permeability` returns, the sum of the array is the conductance k L2/L1.
 
     Raises
     ------
@@ -281,7 +298,7 @@ def pixel_dissipation(
     along, across = stencil.dissipation(with_ends)
     if not seam:
         across[:, -1] = 0.0
-    # a link to an end belongs to its only pixel completely; doubling it makes up for the half below
+    # links to the inlet and the outlet have one pixel only: doubled here, because the next line halves them
     along[[0, -1]] *= 2
     return (along[:-1] + along[1:] + across + np.roll(across, 1, axis=1)) / 2
 
@@ -290,8 +307,8 @@ def harmonic_fill(values: Array) -> Array:
     """Fill the undefined (NaN) values of a map by solving Laplace's equation with the defined values prescribed.
 
     The map (n1, n2) is periodic along x2 and has zero normal derivatives at its ends along x1. A map without any
-    defined value is returned as it is. The five-point discretisation is solved in single precision, by conjugate
-    gradients with a multigrid cycle as preconditioner.
+    defined value is returned unchanged. Laplace's equation is discretised by a five-point stencil, and solved in single
+    precision by conjugate gradients. The preconditioner is one multigrid cycle.
     """
     unknown = np.isnan(values)
     if unknown.all() or not unknown.any():
@@ -307,7 +324,8 @@ def harmonic_fill(values: Array) -> Array:
 def _solve_laplace(unknown: Flags, r: Singles) -> Singles:
     """Solve A x = r for the discrete Laplace operator A at the unknown pixels.
 
-    Conjugate gradients are preconditioned with one multigrid cycle. At the end r is overwritten with the residual.
+    Conjugate gradients are preconditioned with one multigrid cycle. The right-hand side r is overwritten with the
+    residual.
     """
     n1, n2 = r.shape
     centre = unknown * _sum_of_neighbours(np.ones_like(r))
@@ -341,9 +359,10 @@ def _solve_laplace(unknown: Flags, r: Singles) -> Singles:
 
 
 def _sum_of_neighbours(a: Singles) -> Singles:
-    """Add up the values of the four neighbours of each pixel; beyond the ends along x1 the values are 0.
+    """Add up the values of the four neighbours of each pixel.
 
-    The map is periodic along x2. If it has a single column, a pixel has no neighbours along x2.
+    The map is periodic along x2. Before the first row and after the last row of the map, the values are 0. In a map
+    with a single column, a pixel has no neighbours along x2.
     """
     total = np.zeros_like(a)
     if a.shape[1] > 1:

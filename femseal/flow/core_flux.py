@@ -1,7 +1,8 @@
-"""Compute the flux in the core of a cell that was solved with overlaps into its neighbours (oversampling).
+"""Compute the flux in the core of a cell: the cell itself, without its overlaps into neighbouring cells.
 
-The solution includes channels that leave the core through its sides and come back, but only the flux inside the core is
-counted. For a uniform gap and for parallel grooves, the result is the permeability of the core itself.
+A cell is solved together with its overlaps (oversampling), so that fluid can leave the core through the sides and come
+back. Only the flux inside the core counts for the permeability. For a uniform gap and for parallel grooves, the
+permeability is equal to that of the core without overlaps.
 Source: Hou & Wu, J. Comput. Phys. 134, 1997, 169.
 """
 
@@ -12,17 +13,17 @@ from ..base.compiled import compiled
 from .error_bound import potential_drop
 from .problem import DarcyFlow
 
-#: Fraction of the flow through a cell below which its core counts as closed. Rounding errors leave about 1e-16 of the
-#: flow in a dead end.
+#: Share of the flow below which the core of a cell counts as closed. In dead ends, rounding errors leave a flow of
+#: about 1e-16 of the flow through the cell.
 _LEAST_SHARE = 1e-9
 
 
 @compiled()
 def _core_flux(along, φ, ψ, first, end):
-    """Compute the fraction of the mean flux that flows in the columns from `first` to `end` − 1.
+    """Compute the share of the columns `first` to `end` − 1 in the mean flux through a cell.
 
-    The mean flux is the sum of flux times length over all links. Links to the inlet or the outlet are half as long as
-    the others.
+    The mean flux is proportional to Σ q l, the sum of flux q times length l over all links along the flow. Links to the
+    inlet or the outlet are half as long as links between two pixels.
     """
     core, total = 0.0, 0.0
     for i in range(along.shape[0]):
@@ -37,13 +38,15 @@ def _core_flux(along, φ, ψ, first, end):
 
 
 def core_ratio(along: Array, flow: DarcyFlow, core: tuple[int, int]) -> float:
-    """Compute the ratio of the mean flux in the core to the mean flux in the whole cell; exactly 0 for a closed core.
+    """Compute the ratio of the mean flux in the core to the mean flux in the whole cell.
+
+    If nothing flows through the core, the ratio is exactly 0.
 
     Parameters
     ----------
     along : array (n1 + 1, n2), conductances of the links along the flow, see `Stencil`.
     flow : flow through the whole cell.
-    core : columns of the core as a half-open range (first, last + 1).
+    core : range (first, last + 1) of the columns of the core.
     """
     first, end = core
     share = _core_flux(along, flow.potential, flow.complement, first, end)

@@ -1,13 +1,14 @@
 """Bound the error of a potential on a structured grid by means of a flux that is conserved at every node.
 
 The energy of a computed potential is an upper bound of the exact energy (Dirichlet's principle). Any conserved flux
-yields a lower bound (Thomson's principle). Here the flux of the potential is made conservative: the excess of each
-node, its inflow less its outflow, is sent to the inlet or the outlet along a spanning tree of wide links. The energy of
-this correction bounds the error.
+yields a lower bound (Thomson's principle). The flux of the computed potential is made conservative: the excess of each
+node, that is, inflow less outflow, is sent along a spanning tree to the inlet or the outlet. The tree consists of links
+with large conductances. The energy of the correcting flux is a bound of the error.
 
-To save time, the spanning tree does not connect nodes but *runs*. A run consists of consecutive nodes of a row; it ends
-at narrow links. The excess of a run is collected along its row at one node, from which a link leads to the parent of
-the run in the tree. Computing the bound takes about as long as a few multigrid iterations.
+To save time, the spanning tree connects *runs* of nodes instead of single nodes. A run is a sequence of neighbouring
+nodes in the same row of the grid. Two runs of the same row are separated by a narrow link, that is, a link with a small
+conductance. The excess of all nodes of a run is collected at one node of the run, and then sent through a link to the
+parent of the run in the tree. Computing the bound takes about as long as a few multigrid iterations.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from ..base.compiled import compiled, inner
 from .balance import spanning_tree
 from .grid import Stencil
 
-#: A run ends at a link that is narrower than this fraction of its widest link.
+#: A run of nodes ends at a link whose conductance is below this fraction of the largest conductance within the run.
 _NARROW = 1 / 64
 
 
@@ -30,12 +31,12 @@ def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
 
     Parameters
     ----------
-    stencil : conductances between the nodes.
+    stencil : conductances of the links between the nodes.
     potential, complement : arrays (n1 + 1, n2), potential φ and 1 − φ at the nodes; NaN counts as 0.
 
     Returns
     -------
-    float : the bound; NaN if nothing flows.
+    float : upper bound of the relative error; NaN if nothing flows.
     """
     none_ignored = np.zeros((0, 0), np.bool_)
     return float(error_bound(stencil.along, stencil.across, potential, complement, none_ignored))
@@ -43,9 +44,10 @@ def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
 
 @inner()
 def potential_drop(φ, ψ, i, j, a, b):
-    """Return the potential drop from node (i, j) to node (a, b), computed from φ or from ψ = 1 − φ.
+    """Return the potential drop from node (i, j) to node (a, b).
 
-    The smaller of the two is used, because its rounding errors are smaller. NaN counts as 0.
+    The drop is computed from the potential φ or from the complement ψ = 1 − φ, whichever is smaller at the two nodes,
+    because smaller values have smaller rounding errors. NaN counts as 0.
     """
     here, there = φ[i, j], φ[a, b]
     here, there = 0.0 if np.isnan(here) else here, 0.0 if np.isnan(there) else there
@@ -57,9 +59,10 @@ def potential_drop(φ, ψ, i, j, a, b):
 
 @compiled()
 def error_bound(along, across, φ, ψ, ignored):
-    """Compute the bound of `energy_gap` for φ and ψ = 1 − φ.
+    """Compute the upper bound of the relative error of the energy, see `energy_gap`.
 
-    ignored : flags (n1 − 1, n2) of inner nodes whose excess is ignored; with an empty array no node is ignored.
+    φ, ψ : arrays (n1 + 1, n2), potential φ and complement ψ = 1 − φ at the nodes.
+    ignored : flags (n1 − 1, n2) of the inner nodes whose excess is set to 0; an empty array if there are no such nodes.
     """
     excess, energy = _excess(along, across, φ, ψ)
     is_ignored = ignored.ravel()
@@ -72,9 +75,13 @@ def error_bound(along, across, φ, ψ, ignored):
 
 @inner()
 def _excess(along, across, φ, ψ):
-    """Compute the excess of inflow over outflow at each inner node, array (nodes,), and the energy of the potential.
+    """Compute the excess of each inner node, that is, inflow less outflow, and the energy of the potential.
 
-    Inner nodes are numbered row by row. Row i of the inner nodes is row i + 1 of φ, because the inlet is row 0.
+    Inner nodes are numbered row by row. Row i of the inner nodes is row i + 1 of φ, because row 0 of φ is the inlet.
+
+    Returns
+    -------
+    Excess as an array (inner nodes,), and energy.
     """
     n1, n2 = along.shape[0] - 1, along.shape[1]
     excess = np.zeros(n1 * n2)
@@ -101,13 +108,14 @@ def _excess(along, across, φ, ψ):
 
 @inner()
 def _runs(along, across):
-    """Divide the inner nodes of each row into runs.
+    """Divide the inner nodes of each row into runs, see the docstring of the module.
 
     Returns
     -------
-    run : array (n1 − 1, n2), number of the run of each inner node. Numbers begin at 1; 0 marks a closed node.
+    run : array (n1 − 1, n2), number of the run to which each inner node belongs. Runs are numbered from 1; closed nodes
+        have the number 0.
     first : array, first node of each run. Inner nodes are numbered row by row.
-    size : number of runs plus 1, because run 0 stands for both ends.
+    size : number of runs plus 1, because run 0 represents the inlet and the outlet.
     """
     n1, n2 = along.shape[0] - 1, along.shape[1]
     m2 = across.shape[1]
@@ -141,17 +149,17 @@ def _runs(along, across):
 
 @inner()
 def _joints(along, across, run):
-    """Find the joints: the links that may connect two runs in the spanning tree.
+    """Find the joints: the links through which the spanning tree may connect two runs.
 
-    For two runs in adjacent rows this is the widest link between them. Between two adjacent runs of the same row there
-    is a narrow link, which is a joint as well. Run 0 stands for both ends.
-    Link (i, j) of `along` has the number i n2 + j. Link (i, j) of `across` has the number n1 n2 + i n2 + j, where n1 is
-    the number of rows of `along`.
+    The joint of two runs in adjacent rows is the link with the largest conductance between the two runs. The joint of
+    two adjacent runs in the same row is the narrow link that separates the two runs. Run 0 represents the inlet and the
+    outlet. For an array `along` of the shape (n1, n2), link (i, j) of `along` has the number i n2 + j, and link (i, j)
+    of `across` has the number n1 n2 + i n2 + j.
 
     Returns
     -------
     above, below : numbers of the two runs that each joint connects.
-    link : number of the link of each joint.
+    link : number of the link that forms each joint.
     exponent : binary exponent of the conductance of each joint.
     """
     n1, n2 = along.shape
@@ -198,7 +206,10 @@ def _joints(along, across, run):
 
 @inner()
 def _correction_energy(along, across, excess):
-    """Send the excess of all nodes to the ends along a spanning tree of runs, and return the energy of this flux."""
+    """Send the excess of all nodes along a spanning tree of runs to the inlet or the outlet.
+
+    Returns the energy of the flux that carries the excess.
+    """
     run, first, runs = _runs(along, across)
     above, below, link, exponent = _joints(along, across, run)
     degree, joints_xor = spanning_tree(above, below, exponent, runs)
@@ -220,10 +231,13 @@ def _correction_energy(along, across, excess):
 
 @inner()
 def _send_excess(along, across, run, first, link, excess, number):
-    """Send the excess of run `number` through a link to its parent in the tree; return the energy of these fluxes.
+    """Send the excess of a run through a link to the parent of the run in the tree.
+
+    Returns the energy Σ q²/c of the fluxes q in the links, which have the conductances c.
 
     first : first node of the run.
-    link : number of the link to the parent, as in `_joints`.
+    link : number of the link to the parent, counted as in `_joints`.
+    number : number of the run.
     """
     n1, n2 = along.shape
     run_of_node = run.reshape(-1)

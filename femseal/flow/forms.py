@@ -1,8 +1,9 @@
-"""The equation of thin-film and Darcy flow, ∇·(K ∇p) = 0, in weak form, for scikit-fem.
+"""Define the weak form of thin-film and Darcy flow, ∇·(K ∇p) = 0, for scikit-fem.
 
-All flow operators, for cells and for seals, on grids and on meshes, are assembled from these forms.
-The permeability K [m³] is a tensor (2, 2, …) at the quadrature points. For a thin film it is h³/12 times the unit
-tensor.
+All flow operators, for cells and for seals, on grids and on meshes, are assembled from the bilinear forms in this
+module.
+The permeability K [m³] is a tensor (2, 2, …) at the quadrature points. In a thin film with the gap h, K is h³/12 times
+the unit tensor.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ CORNERS = np.array([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]]), np.full(4, 0.2
 
 
 def _with_docstring(form: Callable[..., Any]) -> BilinearForm:
-    """Make a bilinear form of scikit-fem that keeps the name and the docstring of its function."""
+    """Make a bilinear form of scikit-fem from a function; the form keeps the name and the docstring of the function."""
     return update_wrapper(BilinearForm(form), form)
 
 
@@ -37,8 +38,8 @@ def darcy_flow(p: Any, q: Any, w: Any) -> Any:
     Parameters
     ----------
     p, q : pressure and test function of scikit-fem.
-    w : form parameters of scikit-fem. `w.k` is the permeability K [m³]: tensors (2, 2, …) at the quadrature points, or
-        a number, or numbers (…) at these points, for an isotropic permeability.
+    w : form parameters of scikit-fem. `w.k` is the permeability K [m³]: one number, an array (…) with a number for each
+        quadrature point, or an array (2, 2, …) with a tensor for each quadrature point.
 
     Raises
     ------
@@ -54,7 +55,11 @@ def darcy_flow(p: Any, q: Any, w: Any) -> Any:
 
 
 def _flux(k: Any, gradient: Any) -> Any:
-    """Multiply K, a scalar or a tensor, by a gradient (2, …)."""
+    """Multiply the permeability K by a gradient at the quadrature points.
+
+    k : one number, an array (…) with a number for each quadrature point, or an array (2, 2, …) with a tensor for each.
+    gradient : array (2, …), gradient at each quadrature point.
+    """
     shape = np.shape(k)
     points = np.shape(gradient)[1:]
     is_isotropic = shape in ((), points)
@@ -65,11 +70,15 @@ def _flux(k: Any, gradient: Any) -> Any:
     raise InputError(
         "k",
         f"shape {shape}",
-        "a number, numbers or tensors (2, 2, …) at the quadrature points [m³]",
+        "a number, or an array of numbers (…) or of tensors (2, 2, …) at the quadrature points [m³]",
     )
 
 
 @_with_docstring
 def flux_resistance(u: Any, v: Any, w: Any) -> Any:
-    """Evaluate (K⁻¹ u)·v for a flux u and a test flux v: the term of the mixed form that gives the lower bound."""
+    """Evaluate (K⁻¹ u)·v for a flux u and a test flux v.
+
+    The integral of (K⁻¹ u)·u is the energy that the flux u dissipates. `flow.mesh` computes a lower bound of the flow
+    from the energy of a conserved flux.
+    """
     return dot(mul(w.resistance, u), v)

@@ -1,18 +1,21 @@
-"""Represent the flow operator on a grid as a network of links between nodes: the fast path, which needs no mesh.
+"""Represent the flow operator on a grid by a network of links between nodes: the fast implementation without a mesh.
 
-If the form is integrated at the midpoints of the edges, a bilinear element is equivalent to four links, one on each
-edge (`edge_conductances`). All elements between the pixels of a cell are stretched unit squares, so that the assembled
-operator is a five-point stencil (`Stencil`). The conductance of a link is its permeability times a weight
-(`link_weights`). The operator is equal to the one that `flow.plain` assembles on a mesh.
+The weak form is integrated at the midpoints of the element edges. A bilinear element is therefore equivalent to four
+links, one along each edge (`edge_conductances`). All elements between the pixels of a cell are rectangles, so that the
+assembled operator is a five-point stencil (`Stencil`). The conductance of a link is the permeability at the middle of
+the link times a geometric weight (`link_weights`). The operator of the network is equal to the matrix that `flow.plain`
+assembles on a mesh.
 
-The gap is given at the pixel centres. A four-point cubic interpolates it at the middle of each link (`gap_on_links`).
-The interpolated gap is limited to between 0.1 times and 4 times the smaller of the two adjacent gaps. A link is
-therefore open if and only if both its pixels are open. As the gap of either pixel tends to 0, the gap of the link does
-so as well. A barrier whose gap vanishes therefore seals.
+The gap is given at the pixel centres. A cubic polynomial through four pixels interpolates the gap at the middle of each
+link (`gap_on_links`). The interpolated gap is limited to the range from 0.1 to 4 times the smaller of the gaps at the
+two ends of the link. A link is therefore open if and only if the pixels at its two ends are open. If the gap at one end
+of a link tends to 0, the interpolated gap of the link tends to 0 as well. Pixels with a vanishing gap therefore stop
+the flow.
 
-The cubic is far below both adjacent gaps only if the gap is strongly curved at both pixels. If the second differences
-at the two pixels are very different, the larger one is reduced to at most four times the smaller one. A jump of the gap
-beyond one of the pixels therefore hardly narrows the link.
+The interpolated gap may be far below the gaps at both ends of a link only if the gap is strongly curved at both ends.
+If the second differences of the gap at the two ends are very different, the larger second difference is reduced to at
+most four times the smaller one. A link is therefore hardly narrowed by a jump of the gap between one end of the link
+and the next pixel.
 """
 
 from __future__ import annotations
@@ -41,12 +44,12 @@ _DIP, _JUMP = 0.88, 4.0
 
 
 class AxisLinks(NamedTuple):
-    """All links of a stencil along one axis.
+    """All links of a network along one axis.
 
     conductance : array, conductance of each link.
-    start, end : arrays in the same shape, numbers of both nodes of each link. Node (row, column) has the number
-        row · n2 + column.
-    step : difference in (row, column) between the end and the start of each link.
+    start, end : arrays in the shape of `conductance`, number of the node at which each link begins and number of the
+        node at which it ends. The node in row i and column j has the number i n2 + j.
+    step : row and column of the node at the end of a link, relative to the node at its start.
     """
 
     conductance: Array
@@ -59,20 +62,20 @@ class AxisLinks(NamedTuple):
 class Stencil:
     """A network of links between neighbouring nodes of a grid.
 
-    Conductances may have any unit. The matrix of the network is symmetric and has five entries in each row: the
-    negative conductances of the four links of a node, and their sum on the diagonal.
+    Conductances may have any unit. The matrix of the network is symmetric. The row of a node has five entries: the
+    negative conductances of the four links of the node, and the sum of the four conductances on the diagonal.
 
     Attributes
     ----------
-    along : array (n1, n2), conductances of the links between the nodes (i, j) and (i + 1, j). There are n1 + 1 rows of
-        nodes, of which row 0 is the inlet and row n1 the outlet. If the rows form a ring (`ring1`), there are n1 rows,
-        and row n1 is the same as row 0.
+    along : array (n1, n2), conductances of the links between the nodes (i, j) and (i + 1, j). The network has n1 + 1
+        rows of nodes; row 0 is the inlet and row n1 the outlet. If the rows form a ring (`ring1`), the network has n1
+        rows, and the last row is linked to row 0.
     across : array (n1 − 1, m2), conductances of the links between the nodes (i, j) and (i, j + 1) in the rows
-        i = 1 to n1 − 1. Links within the inlet or the outlet carry no flow and are left out. If the rows form a ring,
-        the shape is (n1, m2), for all rows. The number m2 is n2 if the columns form a ring (`ring2`), and n2 − 1
-        otherwise.
-    ring2 : whether the columns form a ring, in which the last column is next to the first one.
-    ring1 : whether the rows form a ring. The network then has neither inlet nor outlet.
+        i = 1 to n1 − 1. Links within the inlet or the outlet carry no flow and are left out. If the rows of the network
+        form a ring (`ring1`), the array has the shape (n1, m2), with the links in all rows. If the columns form a ring
+        (`ring2`), m2 is n2; without a ring, m2 is n2 − 1.
+    ring2 : whether the columns form a ring, in which the last column is linked to the first column.
+    ring1 : whether the rows form a ring. A network in which the rows form a ring has neither inlet nor outlet.
     """
 
     along: Array
@@ -82,7 +85,7 @@ class Stencil:
 
     @classmethod
     def network(cls, along: ArrayLike, across: ArrayLike, *, ring: bool = True) -> Stencil:
-        """Make a network of links from conductances, and check them.
+        """Make a network of links from given conductances, and check the conductances.
 
         Parameters
         ----------
@@ -139,16 +142,20 @@ class Stencil:
     def energy(self, pressure: Array) -> float:
         """Compute the energy Σ c (Δp)² of a pressure at the nodes, for a network whose rows do not form a ring.
 
-        All terms of the sum are positive, so that rounding errors remain relatively small.
+        All terms of the sum are >= 0, so that the relative rounding error of the sum is small.
         """
         return float(
             sum(over(rows(*self.along.shape), energy_of, self.along, self.across, pressure))
         )
 
     def dissipation(self, potential: Array) -> tuple[Array, Array]:
-        """Compute the dissipation c (Δφ)² in each link, as two arrays in the shapes of `along` and `across`.
+        """Compute the dissipation c (Δφ)² in the links of `along` and in the links of `across`.
 
         potential : array (n1 + 1, n2), φ at the nodes; NaN in pockets, where nothing flows.
+
+        Returns
+        -------
+        Array in the shape of `along`, and array in the shape of `across`.
         """
         φ = np.nan_to_num(potential)
         drop_along = np.diff(φ, axis=0)
@@ -174,7 +181,11 @@ class Stencil:
 
 @compiled()
 def energy_of(begin, end, along, across, p):
-    """Compute the contribution of the link rows `begin` to `end` − 1 to `Stencil.energy`; p is the pressure."""
+    """Compute the contribution of some rows of links to the energy Σ c (Δp)², see `Stencil.energy`.
+
+    begin, end : the rows of links are `begin` to `end` − 1.
+    p : array (n1 + 1, n2), pressure at the nodes.
+    """
     n2 = along.shape[1]
     m2 = across.shape[1]
     total = 0.0
@@ -200,8 +211,8 @@ def edge_conductances() -> Pair:
     """Compute the conductances of an edge along x1 and of an edge along x2 of the unit square for K = 1.
 
     scikit-fem evaluates `forms.darcy_flow` on one bilinear element with quadrature at the midpoints of its edges. At
-    each midpoint only the component of K in the direction of the edge is not 0. Each edge is then equivalent to a link
-    between its two corners.
+    the midpoint of an edge along x1, K11 is 1; at the midpoint of an edge along x2, K22 is 1; all other components of K
+    are 0. Each edge is therefore equivalent to a link between the two corners of the edge.
 
     Raises
     ------
@@ -228,10 +239,10 @@ def edge_conductances() -> Pair:
 
 
 class LinkWeights(NamedTuple):
-    """Conductances of the links of a cell for K = 1.
+    """Geometric weights of the links of a cell: the conductances of the links for K = 1.
 
     along : conductance of a link along x1 between two pixels.
-    at_ends : conductance of a link along x1 between a pixel and the inlet or the outlet.
+    at_ends : conductance of a link along x1 from a pixel to the inlet or to the outlet.
     across : conductance of a link along x2 between two pixels.
     """
 
@@ -241,11 +252,14 @@ class LinkWeights(NamedTuple):
 
 
 def link_weights(spacing: Pair) -> LinkWeights:
-    """Compute the conductances for K = 1 of the links of a cell; `spacing` has the lengths of a pixel.
+    """Compute the conductances of the links of a cell for K = 1.
 
-    scikit-fem supplies the edge conductances of a square element. The rest is geometry. An element of the size d1 × d2
-    conducts d2/d1 times as much along x1 as a square. Each link is an edge of two elements, one on either side. Links
-    to inlet and outlet have half the length and therefore twice the conductance.
+    `edge_conductances` gives the conductance of the edges of a square element. The conductance of an edge along x1 of a
+    rectangle d1 × d2 is d2/d1 times as large. Two elements share each edge, so that the conductance of a link is twice
+    the conductance of an edge. A link to the inlet or the outlet has half the length of a link between two pixels, and
+    therefore twice the conductance.
+
+    spacing : lengths d1 and d2 of a pixel along x1 and x2.
     """
     d1, d2 = spacing
     along, across = edge_conductances()
@@ -260,14 +274,14 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
     Parameters
     ----------
     gap : array (n1, n2), gap at the pixels [m].
-    ring1, ring2 : whether the pixels form a ring along the first and along the second axis. If they do not, the gap is
-        mirrored beyond the ends of the axis.
+    ring1, ring2 : whether the gap is periodic along the first axis, and along the second axis. Along an axis that is
+        not periodic, the gap is continued by its mirror image.
 
     Returns
     -------
-    Gaps on the links along the first axis, and gaps on the links along the second axis. Along an axis that is a ring,
-    the array has the shape (n1, n2). Otherwise, the first array has the shape (n1 + 1, n2), including the links to
-    inlet and outlet, and the second array the shape (n1, n2 − 1).
+    Gaps on the links along the first axis, and gaps on the links along the second axis. With `ring1` or `ring2`, the
+    array for the axis has the shape (n1, n2). Without `ring1`, the first array has the shape (n1 + 1, n2), because it
+    includes the links to the inlet and the outlet. Without `ring2`, the second array has the shape (n1, n2 − 1).
     """
     n1, n2 = gap.shape
     on1 = np.empty((n1 if ring1 else n1 + 1, n2))
@@ -278,10 +292,11 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
 
 @inner()
 def _midway(before, a, b, after):
-    """Interpolate the gap midway between the gaps a and b by a limited cubic through four points.
+    """Interpolate the gap midway between two pixels with the gaps a and b, by a limited cubic through four pixels.
 
-    `before` and `after` are the gaps of the next pixels on either side. The result is a continuous function of all four
-    gaps and is 0 if a or b is 0. The docstring of this module explains why the cubic is limited.
+    `before` is the gap of the pixel before a, and `after` the gap of the pixel after b. The interpolated gap is a
+    continuous function of the four gaps, and is 0 if a or b is 0. The docstring of the module `flow.grid` explains the
+    limits.
     """
     smaller = min(a, b)
     cubic = (9.0 * (a + b) - (before + after)) / 16.0
@@ -300,9 +315,9 @@ def _midway(before, a, b, after):
 
 @inner()
 def _inside(i, n, ring):
-    """Return the pixel whose gap is used at the index i, which may lie outside the grid.
+    """Return the index of the pixel whose gap is used at the index i, which may lie outside the grid of n pixels.
 
-    The axis is continued periodically if it is a ring, and by its mirror image otherwise.
+    A ring is continued periodically, and an axis that is not a ring by its mirror image.
     """
     while i < 0 or i >= n:
         if ring:
@@ -314,9 +329,9 @@ def _inside(i, n, ring):
 
 @compiled()
 def gap_on_rows(first, end, gap, ring1, ring2, on1, on2):
-    """Compute the gaps of `gap_on_links` for the rows `first` to `end` − 1.
+    """Compute the gaps on the links of the pixel rows `first` to `end` − 1, see `gap_on_links`.
 
-    If these include the last row of pixels, the links between it and the outlet are computed, too.
+    Together with the last row of pixels, the links from the last row to the outlet are computed.
     """
     n1, n2 = gap.shape
     for i in range(first, on1.shape[0] if end == n1 else end):

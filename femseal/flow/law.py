@@ -1,11 +1,11 @@
-"""Flow laws: the permeability K(h, p) of a gap h between parallel plates at a fluid pressure p.
+"""Define flow laws: the permeability K(h, p) of a gap h between parallel plates at a fluid pressure p.
 
 The mass flux per width is −K (ρ/η) ∇p. The density ρ and the viscosity η of a fluid enter through the pressure
 potential ∫ρ/η dp, see `femseal.fluids`; the flow law gives K.
 
-Each law is a small frozen class, defined by the ratio of K to the cubic law h³/12. The flow through faces and cells is
-solved with the equivalent gap, which has the same permeability by the cubic law. It is computed at the pixels and
-interpolated between them in the same way as any other gap.
+Each flow law is a frozen dataclass that defines the ratio of K to the cubic law h³/12. The equivalent gap is the gap
+whose permeability by the cubic law is equal to K. The flow through faces and cells is solved for the equivalent gap.
+The equivalent gap is computed at the pixels, and interpolated between the pixels in the same way as the gap itself.
 """
 
 from __future__ import annotations
@@ -46,20 +46,21 @@ _FACTORS = np.transpose(
 def flow_rate(inverse_knudsen: ArrayLike) -> Array:
     """Compute the dimensionless flow rate Q(D) of a rarefied gas between parallel plates.
 
-    The mass flow rate per width is Q h²/√(2R_sT) times the pressure gradient. For viscous flow without slip Q = D/6.
+    For a gap h, the mass flow rate per width is Q h²/√(2R_sT) times the pressure gradient, with the specific gas
+    constant R_s and the temperature T. For viscous flow without slip, Q = D/6.
 
-    Q is a fit to the linearised Boltzmann (BGK) equation with diffusely reflecting walls, and is within 0.9 % of a
-    solution of this equation. Its minimum near D = 1 is Knudsen's minimum. At D = 0.15 and D = 5, where the formulas of
-    the fit change, Q jumps by 0.27 % and 0.14 %.
+    Q is a fit to a numerical solution of the linearised Boltzmann (BGK) equation with diffusely reflecting walls, with
+    an error of at most 0.9 %. The minimum of Q near D = 1 is known as Knudsen's minimum. At D = 0.15 and D = 5, where
+    the formulas of the fit change, Q jumps by 0.27 % and 0.14 %.
 
-    Below D = 0.01, where the fit ends, Q is continued by the free-molecular limit between infinite plates,
-    (3(1 − γ)/2 − ln D)/√π + c D ln²D, with Euler's constant γ. The coefficient c is chosen so that Q is continuous.
-    This continuation is accurate within 0.3 %.
+    The fit ends at D = 0.01. For smaller D, the free-molecular limit between infinite plates is used: Q = (3(1 − γ)/2 −
+    ln D)/√π + c D ln²D, where γ is Euler's constant. The coefficient c makes Q continuous at D = 0.01. For D < 0.01, Q
+    is accurate within 0.3 %.
 
     Parameters
     ----------
-    inverse_knudsen : inverse Knudsen number D = p h/(η√(2R_sT)) >= 0, a number or an array. It is √π/2 times the ratio
-        of the gap to the mean free path. Values below 1e-30 are replaced by 1e-30.
+    inverse_knudsen : inverse Knudsen number D = p h/(η√(2R_sT)) >= 0, a number or an array. D is √π/2 times the ratio
+        of the gap to the mean free path. Values of D below 1e-30 are replaced by 1e-30.
 
     References
     ----------
@@ -87,7 +88,7 @@ class FlowLaw(ABC):
 
     Examples
     --------
-    A permeability that is smaller in narrow gaps:
+    Define a flow law that reduces the permeability in narrow gaps:
 
     >>> from dataclasses import dataclass
     >>> import femseal as fs
@@ -112,7 +113,10 @@ class FlowLaw(ABC):
 
     @property
     def homogeneous(self) -> bool:
-        """Whether K(s h) = s³ K(h). The flow through a scaled gap then follows from the flow through the gap."""
+        """Whether K(s h) = s³ K(h) for every factor s.
+
+        With a homogeneous flow law, the flow through the gap s h is s³ times the flow through the gap h.
+        """
         return not self.length
 
     @abstractmethod
@@ -128,7 +132,7 @@ class FlowLaw(ABC):
 
         Raises
         ------
-        InputError : the factor of the law is not positive and finite where the gap is open.
+        InputError : the factor F of the flow law is not positive and finite where the gap is open.
         """
         h, p = np.broadcast_arrays(np.asarray(gap, dtype=float), np.asarray(pressure, dtype=float))
         with np.errstate(
@@ -170,7 +174,8 @@ class CubicLaw(FlowLaw):
 class SlipLength(FlowLaw):
     """Flow law of a liquid that slips on both faces: K = (h³/12)(1 + 6b/h).
 
-    slip_length : slip length b >= 0 [m], which is defined by the velocity u = b ∂u/∂n at a face.
+    slip_length : slip length b >= 0 [m], defined by u = b ∂u/∂n at a face, with the velocity u of the fluid and the
+        distance n from the face.
 
     Source: Navier's condition; Lauga, Brenner & Stone, Springer Handbook of Experimental Fluid Mechanics, 2007, 1219.
     """
@@ -189,7 +194,7 @@ class FukuiKaneko(FlowLaw):
     """Flow law of a rarefied gas from free-molecular to continuum flow: F = Q(D)/(D/6), see `flow_rate` for Q.
 
     viscosity : viscosity η of the gas [Pa s].
-    speed : most probable speed √(2R_sT) of its molecules [m/s].
+    speed : most probable speed √(2R_sT) of the gas molecules [m/s].
     """
 
     length: ClassVar[str] = "viscosity"
@@ -220,7 +225,7 @@ def law_of(fluid: Any) -> FlowLaw:
 
 
 def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
-    """Check law and pressure, and compute the equivalent gap of a checked gap (n1, n2) [m].
+    """Compute the equivalent gap [m] of a gap (n1, n2) [m] for a flow law, after a check of the law and the pressure.
 
     pressure : fluid pressure [Pa], a number or an array (n1, n2); only used by laws that depend on it.
 
@@ -241,7 +246,9 @@ def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
     if not (np.isfinite(p).all() and p.min(initial=0.0) >= 0):
         given = "none" if pressure is None else "negative or undefined values"
         raise InputError(
-            "pressure", given, f"finite numbers >= 0 [Pa], on which the law {law} depends"
+            "pressure",
+            given,
+            f"finite numbers >= 0 [Pa], because the flow law {law} depends on the pressure",
         )
     return law.equivalent_gap(gap, p)
 
@@ -251,7 +258,7 @@ def widened(gap: Array, factor: ArrayLike) -> Array:
 
     Raises
     ------
-    InputError : the factor is not positive and finite where the gap is open.
+    InputError : F is not positive and finite where the gap is open.
     """
     factor = np.broadcast_to(np.asarray(factor, dtype=float), gap.shape)
     if not ((factor > 0) & np.isfinite(factor)).all(where=gap > 0):
@@ -267,8 +274,8 @@ def checked_permeability(name: str, permeability: ArrayLike, *shapes: tuple[int,
     Parameters
     ----------
     name : name of the argument for the error message.
-    permeability : a number, or an array in one of `shapes` [m³]. All values must be finite. They must also be >= 0,
-        except for the components of tensors (arrays with three axes).
+    permeability : a number, or an array whose shape is one of `shapes` [m³]. All values must be finite. Negative values
+        are only allowed as components of tensors, that is, in arrays with three axes.
 
     Raises
     ------

@@ -1,12 +1,13 @@
 """Solve Darcy flow on a mesh: ∇·(K∇φ) = 0 with φ = 1 at the inlet and φ = 0 at the outlet; other sides are closed.
 
-The flow is computed with conforming elements (P1 or Q1), which converge with second order and give an upper bound of
-the energy. The lower bound is computed with lowest-order Raviart-Thomas fluxes. By hybridisation, the unknowns are the
-potentials of the facets, and their matrix is positive definite. The fluxes are then corrected so that they are
-conserved exactly on each element, which makes their energy a bound regardless of the error of the solver. The forms are
-assembled once for each component of K, because many realisations of a seal are solved on the same mesh.
+The flow is computed with conforming elements (P1 or Q1), which converge with second order. The energy of the conforming
+solution is an upper bound of the flow. The lower bound is computed with lowest-order Raviart-Thomas fluxes. By
+hybridisation, the unknowns of the lower bound are the potentials of the facets, and the matrix is positive definite.
+The Raviart-Thomas fluxes are corrected so that they are conserved exactly on each element. Any error of the solver can
+therefore only make the lower bound smaller. The weak forms are assembled once for each component of K, because many
+realisations of a seal are solved on the same mesh.
 
-Symbols: φ is the potential, K the permeability [m³]. K may also have another unit, which is then the unit of the flow.
+Symbols: φ is the potential, K the permeability [m³]. If K is given in another unit than m³, the flow has the unit of K.
 Sources: principles of Dirichlet and Thomson; Arnold & Brezzi, RAIRO M2AN 19, 1985, 7 (hybridisation).
 """
 
@@ -81,9 +82,10 @@ def darcy_conductance(
     ----------
     mesh : scikit-fem MeshTri1 or MeshQuad1 with n elements, or a periodic MeshQuad1DG of rectangles.
     permeability : permeability K >= 0 in any unit: a number, one number per element (n,), principal values along x and
-        y (n, 2), or symmetric tensors (n, 2, 2). Elements with K = 0 are closed. A tensor may be closed along one
-        principal axis: an element then only carries flow across facets that are not parallel to its open axis. For the
-        solution, the principal value 0 is replaced by 1e-10 of the other principal value.
+        y (n, 2), or symmetric tensors (n, 2, 2). Elements with K = 0 are closed. A tensor may have one principal value
+        that is 0: an element with such a tensor only carries flow across facets that are not parallel to its open
+        principal axis. Before the solution, a principal value of 0 is replaced by 1e-10 times the other principal
+        value.
     inlet, outlet : indices of boundary facets. Inlet and outlet must not have a vertex in common.
     bounds, solver : as in `MeshOperators.flow`.
 
@@ -131,7 +133,8 @@ class MeshSystem:
 
         Returns
         -------
-        LinearSolution with a value for each degree of freedom (size,), including the potentials at inlet and outlet.
+        LinearSolution with the potentials of all degrees of freedom (size,), including the given potentials at inlet
+        and outlet.
         """
         values = np.zeros(self.size)
         free = np.zeros(self.size, bool)
@@ -168,9 +171,9 @@ class MeshSystem:
         return replace(solution, x=values, complement=1 - values, remainder=remainder)
 
     def total_flow(self, flux: Array) -> Array:
-        """Add up the flow from each degree of freedom into its elements, array (size,).
+        """Compute the total flow (size,) from each degree of freedom into the elements around it.
 
-        flux : array (n, m), flow into each element from each of its degrees of freedom.
+        flux : array (n, m), flow into each of n elements from each of the m degrees of freedom of the element.
         """
         return np.asarray(np.bincount(self.dofs.ravel(), flux.ravel(), self.size), float)
 
@@ -182,7 +185,7 @@ class MeshSystem:
 
 @dataclass(frozen=True, eq=False)
 class MeshOperators:
-    """Element matrices of a mesh with straight sides, which are stored to solve many flows on the same mesh.
+    """Element matrices of a mesh with straight sides, stored so that many flows can be solved on the same mesh.
 
     Attributes
     ----------
@@ -200,14 +203,14 @@ class MeshOperators:
         ----------
         tensor : array (n, 2, 2), permeability K of each element, symmetric and positive semidefinite.
         bounds : also compute bounds of the flow, for a permeability that is constant on each element. On quadrilaterals
-            that are not parallelograms, the bounds neglect quadrature errors. The value and the upper bound allow flow
-            between open elements that share only a corner; the lower bound does not.
+            that are not parallelograms, the bounds neglect quadrature errors. The conductance and the upper bound
+            include flow between open elements that share only a corner; the lower bound excludes this flow.
         solver : "direct" (factorisation), "amg" (pyamg), or "auto" for the solver that is expected to be faster.
 
         Returns
         -------
-        DarcyFlow with the potential at the vertices, NaN in closed pockets. The conductance is computed with conforming
-        elements and is equal to the upper bound.
+        DarcyFlow with the potential at the vertices of the mesh; NaN at vertices in closed pockets. The conductance is
+        computed with conforming elements, and is therefore equal to the upper bound.
 
         Raises
         ------
@@ -216,7 +219,7 @@ class MeshOperators:
         scale = float(np.abs(tensor).max()) or 1.0
         tensor = tensor / scale
         connected, system = self._system(tensor, of_vertices=True)
-        potential = self._potential_at_rest(connected)
+        potential = self._potential_without_flow(connected)
         if not connected.is_joined.any():
             bound = 0.0 if bounds else np.nan
             return DarcyFlow(
@@ -288,13 +291,14 @@ class MeshOperators:
         Parameters
         ----------
         carrying : elements that carry flow.
-        system : numbering of their facets.
-        resistance : array (elements, facets, facets), matrices of these elements.
+        system : numbering of the facets of the elements that carry flow.
+        resistance : array (elements, facets, facets), resistance matrix of each element that carries flow.
         flux : array (elements, facets), flux out of each element through each of its facets.
 
         Returns
         -------
-        Corrected fluxes in the shape of `flux`; and for each facet of the mesh, the flux out of its first element.
+        Corrected fluxes out of the elements, in the shape of `flux`; and corrected flux through each facet of the mesh,
+        counted as positive out of the first element of the facet.
         """
         mesh = self.mesh
         facets = system.dofs
@@ -317,8 +321,12 @@ class MeshOperators:
         mesh_flux[link] = facet_flux
         return sign * mesh_flux[facets], mesh_flux
 
-    def _potential_at_rest(self, connected: Connected) -> Array:
-        """Return the potential of vertices without flow: 1 or 0 if they are connected to one end, otherwise NaN."""
+    def _potential_without_flow(self, connected: Connected) -> Array:
+        """Return the potential of each vertex that carries no flow.
+
+        The potential is 1 at vertices that are connected to the inlet only, 0 at vertices that are connected to the
+        outlet only, and NaN at vertices that are connected to neither.
+        """
         mesh = self.mesh
         potential = np.full(mesh.nvertices, np.nan)
         for value, elements in zip(_END_POTENTIALS, connected.at_one_boundary, strict=True):
@@ -330,7 +338,7 @@ class MeshOperators:
     def _system(self, tensor: Array, *, of_vertices: bool) -> tuple[Connected, MeshSystem]:
         """Find the elements that carry flow, and number their vertices or their facets.
 
-        With vertices as degrees of freedom, elements that share only a corner are connected as well.
+        If the vertices are the degrees of freedom, elements that share only a corner count as connected.
         """
         mesh = self.mesh
         connected = connected_elements(mesh, tensor, self.ends, through_corners=of_vertices)
@@ -349,7 +357,10 @@ class MeshOperators:
 
     @cached_property
     def _stiffness(self) -> Array:
-        """Matrices of the conforming elements for each component of K, (component, element, vertex, vertex)."""
+        """Element matrices of the conforming elements for each component of K.
+
+        Array (component, element, vertex, vertex).
+        """
         element, _, order = KINDS[type(self.mesh)]
         basis = Basis(self.mesh, element(), intorder=order)
         return _local_matrices(forms.darcy_flow, basis, "k", _UNITS)
@@ -358,7 +369,8 @@ class MeshOperators:
     def _stiffness_of_axes(self) -> Array:
         """Matrices like `_stiffness`, for rectangles whose tensors have principal axes along the edges.
 
-        They are integrated at the midpoints of the edges, so that each edge is a link between two vertices.
+        The matrices are integrated at the midpoints of the edges, so that each edge is equivalent to a link between two
+        vertices.
         """
         basis = Basis(self.mesh, ElementQuad1(), quadrature=forms.EDGE_MIDPOINTS)
         # (component, 2, 2, element, edge): K11 acts on the edges along x1, which come first, and K22 on those along x2
@@ -369,7 +381,10 @@ class MeshOperators:
 
     @cached_property
     def _resistance(self) -> Array:
-        """Resistance matrices of outward fluxes for each component of K⁻¹, (component, element, facet, facet)."""
+        """Resistance matrices of the elements for each component of K⁻¹, with fluxes counted as positive outward.
+
+        Array (component, element, facet, facet).
+        """
         _, element, order = KINDS[type(self.mesh)]
         return self._outward(Basis(self.mesh, element(), intorder=order))
 
@@ -377,15 +392,16 @@ class MeshOperators:
     def _resistance_of_axes(self) -> Array:
         """Matrices like `_resistance`, for rectangles whose tensors have principal axes along the edges.
 
-        They are integrated at the corners, so that the fluxes along both axes are not coupled.
+        The matrices are integrated at the corners, so that the flux along one axis is not coupled to the flux along the
+        other axis.
         """
         return self._outward(Basis(self.mesh, ElementQuadRT0(), quadrature=forms.CORNERS))
 
     def _outward(self, basis: Basis) -> Array:
-        """Compute the resistance matrices of unit fluxes that leave an element.
+        """Compute the resistance matrix of each element, for unit fluxes out of the element through its facets.
 
-        The basis functions of scikit-fem leave the first element of a facet and enter the second one. Their sign is
-        therefore changed in the second element.
+        In scikit-fem, the basis function of a facet is a flux from the first element of the facet to the second
+        element. In the second element, the sign of the basis function is therefore changed.
         """
         facets = self.mesh.t2f.T
         sign = np.where(self.mesh.f2t[0, facets] == np.arange(len(facets))[:, None], 1.0, -1.0)
@@ -409,29 +425,33 @@ class MeshOperators:
 def _local_matrices(form: Any, basis: Basis, coefficient: str, unit_tensors: Array) -> Array:
     """Compute the element matrices (3, n, m, m) of a form for each unit tensor of its coefficient.
 
-    coefficient : name of the coefficient in the form.
-    unit_tensors : array (3, 2, 2, …), value of the coefficient for each component K11, K22 and K12.
+    coefficient : name of the coefficient in the form, such as "k".
+    unit_tensors : array (3, 2, 2, …), three tensors in which only K11, only K22 or only K12 = K21 is 1.
     """
     matrices = [form.coo_data(basis, **{coefficient: unit}).tolocal() for unit in unit_tensors]
     return np.stack(matrices)
 
 
 def _combine(tensor: Floats, units: Array, elements: Indices) -> Array:
-    """Combine the element matrices of the unit tensors linearly to the element matrices of given tensors.
+    """Compute the element matrices of given tensors as linear combinations of the matrices of the unit tensors.
 
-    tensor : array (elements, 2, 2).
-    units : array (3, n, m, m), matrices of all n elements of the mesh for each unit tensor.
-    elements : numbers of the elements to which the tensors belong.
+    tensor : array (elements, 2, 2), tensor of each chosen element.
+    units : array (3, n, m, m), element matrices of all n elements of the mesh, for each unit tensor.
+    elements : numbers of the chosen elements.
     """
     k = np.array([tensor[:, 0, 0], tensor[:, 1, 1], tensor[:, 0, 1]])
     return np.asarray(np.einsum("cn,cnij->nij", k, units[:, elements]))
 
 
 def _energy_and_flux(local: Array, solution: LinearSolution, dofs: Indices) -> tuple[float, Array]:
-    """Compute the energy of a solution, and the flow into each element from each of its degrees of freedom (n, m).
+    """Compute the energy of a solution, and the flow from each degree of freedom of an element into the element.
 
     local : array (n, m, m), matrices of the elements.
     dofs : array (n, m), degrees of freedom of the elements.
+
+    Returns
+    -------
+    Energy, and flow as an array (n, m).
     """
     # subtracting the first value of an element avoids cancellation where the values are nearly constant
     values, remainder = solution.x[dofs], np.asarray(solution.remainder)[dofs]
@@ -443,15 +463,15 @@ def _energy_and_flux(local: Array, solution: LinearSolution, dofs: Indices) -> t
 def _imbalance(rates: Array, energy: float) -> float:
     """Compute the relative imbalance of a flow.
 
-    This is the difference between inflow and outflow, or between inflow and energy, whichever is larger, relative to
-    the larger of inflow and energy.
+    The imbalance is the larger value of |inflow − outflow| and |inflow − energy|, divided by the larger value of inflow
+    and energy.
 
-    rates : flow into the mesh through inlet and through outlet.
+    rates : flow rate into the mesh through the inlet, and flow rate into the mesh through the outlet.
 
     Raises
     ------
-    NotConverged : the imbalance is too large. This happens if all flow passes links that are so narrow that they are
-        lost by rounding when their conductances are added to others.
+    NotConverged : the imbalance is too large. A large imbalance occurs if the whole flow passes through very narrow
+        links, whose conductances are lost by rounding when they are added to much larger conductances.
     """
     inflow, total = float(rates[0]), float(rates.sum())
     largest = max(float(np.maximum(rates, 0.0).sum()), energy)

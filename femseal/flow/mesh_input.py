@@ -14,18 +14,18 @@ from skfem import Mesh
 from ..base import Array, Flags, Indices, InputError
 from .law import checked_permeability
 
-#: If a tensor is closed along one principal axis, its principal value there is replaced by this fraction of the other
-#: principal value, so that K⁻¹ exists.
+#: If one principal value of a tensor is 0, it is replaced by this fraction of the other principal value, so that K⁻¹
+#: exists.
 CLOSED_AXIS = 1e-10
-#: A tensor counts as closed along an axis if its principal value there is at most this fraction of the other one.
+#: A principal value of a tensor counts as 0 if it is at most this fraction of the other principal value.
 _CLOSED = 1e-12
 
 
 def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
     """Check a permeability, and convert it to positive semidefinite tensors (elements, 2, 2).
 
-    permeability : a number, or an array (n,), (n, 2) of principal values along x and y, or (n, 2, 2) of tensors, for n
-        elements.
+    permeability : a number, or an array for n elements: numbers (n,), principal values along x and y (n, 2), or tensors
+        (n, 2, 2).
 
     Raises
     ------
@@ -46,7 +46,7 @@ def permeability_tensors(permeability: ArrayLike, elements: int) -> Array:
     is_negative = smaller < -1e-12 * size
     if is_negative.any():
         given = f"a negative principal value in element {is_negative.argmax()}"
-        raise InputError("permeability", given, "principal values >= 0 [m³]")
+        raise InputError("permeability", given, "tensors with principal values >= 0 [m³]")
     return k
 
 
@@ -101,7 +101,8 @@ def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
 def invertible(tensor: Array) -> Array:
     """Make tensors (n, 2, 2) invertible if they are closed along one principal axis.
 
-    The smaller principal value of such a tensor, which is about 0, is replaced by `CLOSED_AXIS` times the larger one.
+    If the smaller principal value of a tensor is about 0, it is replaced by `CLOSED_AXIS` times the larger principal
+    value.
     """
     smaller, larger = principal_values(tensor)
     half_closed = np.flatnonzero((smaller <= _CLOSED * larger) & (larger > 0))
@@ -118,19 +119,20 @@ def invertible(tensor: Array) -> Array:
 
 
 def open_facets(mesh: Mesh, facets: Indices, elements: Indices) -> Indices:
-    """Return those boundary facets that belong to one of the elements."""
+    """Select the boundary facets that belong to one of the given elements."""
     return facets[np.isin(mesh.f2t[0, facets], elements)]
 
 
 @dataclass(frozen=True, eq=False)
 class Connected:
-    """Elements that are connected to the boundaries of a mesh through open elements.
+    """Elements of a mesh, sorted by the boundaries to which they are connected through open elements.
 
     Attributes
     ----------
     carrying : numbers of the elements that are connected to two or more boundaries and can carry flow.
-    at_one_boundary : for each boundary, the numbers of the elements that are connected to this boundary only.
-    is_joined : flags (boundaries,), whether each boundary is connected to another one.
+    at_one_boundary : for each boundary, the numbers of the elements that are connected to this boundary and to no other
+        boundary.
+    is_joined : flags (boundaries,), whether open elements connect each boundary to another boundary.
     """
 
     carrying: Indices
@@ -141,11 +143,11 @@ class Connected:
 def connected_elements(
     mesh: Mesh, tensor: Array, ends: Sequence[Indices], *, through_corners: bool
 ) -> Connected:
-    """Find the elements that are connected to the boundaries `ends`.
+    """Find the elements that are connected to each of the boundaries in `ends`.
 
     Two elements are connected if they share a facet across which both can carry flow, that is, n·Kn > 0 for the normal
-    n of the facet. With `through_corners` two elements are also connected through a common vertex, if they are open in
-    all directions.
+    n of the facet. With `through_corners`, two elements that are open in all directions are also connected if they
+    share only a vertex.
     """
     # The nodes of the graph are elements, facets, vertices and boundaries, numbered in this order.
     first_facet = mesh.nelements

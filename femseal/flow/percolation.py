@@ -1,8 +1,9 @@
 """Find the nodes of a network that can carry flow (percolation), and the critical constriction.
 
-Connected components are found by union-find. Nodes that are not connected to both ends carry no flow and are left out.
-Without an open path the flow is exactly 0. The critical constriction is the narrowest point of the widest path; it
-controls the leakage of a nearly closed seal.
+Connected components are found by union-find. Nodes that are not connected to both the inlet and the outlet carry no
+flow and are left out. If there is no open path from the inlet to the outlet, the flow is exactly 0. The critical
+constriction, which is the narrowest point of the widest path from inlet to outlet, controls the leakage of a nearly
+closed seal.
 Sources: Ambegaokar, Halperin & Langer, Phys. Rev. B 4, 1971, 2612; for seals Persson & Yang, J. Phys. Condens. Matter
 20, 2008, 315011.
 """
@@ -39,7 +40,10 @@ def find(parent, a):
 
 @inner()
 def union(parent, a, b):
-    """Join two components; return whether they were different. The root is the lowest node of a component."""
+    """Join the components of two nodes, and return whether the two components were different.
+
+    The root of a component is the node with the lowest number in the component.
+    """
     a = find(parent, np.int64(a))
     b = find(parent, np.int64(b))
     if a < b:
@@ -50,18 +54,19 @@ def union(parent, a, b):
 
 
 def nodes_reached(along: Array, across: Array, least: float = 0.0) -> NDArray[np.int8]:
-    """Find the ends to which each node is connected by links with a conductance >= `least`.
+    """Determine whether each node is connected to the inlet, to the outlet, to both or to neither.
 
     Parameters
     ----------
     along, across : conductances of the links between (n1 + 1, n2) nodes, see `Stencil`.
-    least : smallest conductance of the links that are used; links with the conductance 0 are never used.
+    least : smallest conductance of a link that counts as a connection; a link with the conductance 0 never counts.
 
     Returns
     -------
-    Array (n1 + 1, n2): 0 for nodes that are connected to no end, 1 to the inlet only, 2 to the outlet only, and 3
-    (`BOTH_ENDS`) to both.
-    Dead ends of a path from inlet to outlet are connected to both ends, although they carry no flow.
+    Array (n1 + 1, n2) with the value 0 for nodes that are connected neither to the inlet nor to the outlet, 1 for nodes
+    that are connected to the inlet only, 2 for nodes that are connected to the outlet only, and 3 (`BOTH_ENDS`) for
+    nodes that are connected to both. A dead end that branches off a path from inlet to outlet has the value 3, although
+    it carries no flow.
     """
     n1, n2 = along.shape
     label = np.empty((n1 + 1, n2), np.int32)
@@ -84,10 +89,11 @@ def _is_open(c, least):
 
 @compiled()
 def _label_rows(begin, end, along, across, least, label, parent):
-    """Label the connected components in the rows `begin` to `end` − 1; the inlet has the label 0, the outlet 1.
+    """Label the connected components in the rows `begin` to `end` − 1 of the nodes.
 
-    In each row from left to right, a node takes the label of its connected neighbour above or to the left, or a new
-    label without such a neighbour. If both neighbours are connected and have different labels, the labels are united.
+    The inlet has the label 0, and the outlet the label 1. The nodes of each row are labelled from left to right. A node
+    takes the label of a connected neighbour above or to the left. If both these neighbours are connected and have
+    different labels, the two labels are united. If neither is connected, the node gets a new label.
     """
     n1, n2 = along.shape
     m2 = across.shape[1]
@@ -124,7 +130,7 @@ def _label_rows(begin, end, along, across, least, label, parent):
 
 @compiled()
 def _join_rows(i, along, least, label, parent):
-    """Unite the labels of nodes in row i with the labels of connected nodes in the row above."""
+    """Unite the labels of the nodes in row i with the labels of the nodes in row i − 1 to which they are linked."""
     for j in range(along.shape[1]):
         if _is_open(along[i - 1, j], least):
             union(parent, label[i - 1, j], label[i, j])
@@ -132,23 +138,25 @@ def _join_rows(i, along, least, label, parent):
 
 @compiled()
 def _reached_rows(begin, end, label, parent, reached):
-    """Compute the result of `nodes_reached` in the rows `begin` to `end` − 1 from the labels of the nodes."""
+    """Compute the rows `begin` to `end` − 1 of the result of `nodes_reached` from the labels of the nodes."""
     for i in range(begin, end):
         for j in range(label.shape[1]):
-            reached[i, j] = _ends(parent, label[i, j])
+            reached[i, j] = _ends_of_label(parent, label[i, j])
 
 
 @inner()
-def _ends(parent, a):
-    """Return the ends to which the component with the label a is connected: 0 to 3, as in `nodes_reached`.
+def _ends_of_label(parent, a):
+    """Determine whether the component with the label `a` is connected to the inlet or the outlet, see `nodes_reached`.
 
-    The root is found without shortening the path, so that several threads can read `parent` at the same time.
+    The path to the root is not shortened, so that several threads can read `parent` at the same time.
+
+    Returns 0 for neither, 1 for the inlet, 2 for the outlet, and 3 for both.
     """
     while parent[a] != a:
         a = parent[a]
     # a is now the root, the lowest label of the component; the inlet has the label 0, and the outlet the label 1
     if a > 1:
-        return 0  # connected to no end
+        return 0  # connected neither to the inlet nor to the outlet
     if parent[1] == 0:  # inlet and outlet are connected
         return BOTH_ENDS
     return a + 1  # 1 for the inlet, 2 for the outlet
@@ -156,13 +164,13 @@ def _ends(parent, a):
 
 @contextmanager
 def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0) -> Iterator[None]:
-    """Close some links of a stencil temporarily, within a `with` block.
+    """Close some links of a stencil during a `with` block.
 
-    A link is closed if one of its nodes is not marked in `keep`, or if its conductance is below `least`. Without `keep`
-    no link is closed. To save memory the arrays of the stencil are changed in place, and only the conductances of the
-    closed links are copied.
+    A link is closed if one of its nodes is not marked in `keep`, or if its conductance is below `least`. If `keep` is
+    None, no link is closed. To save memory, the arrays of the stencil are changed in place, and only the conductances
+    of the closed links are copied.
 
-    keep : array (n1 + 1, n2), nodes whose links remain open, or None.
+    keep : flags (n1 + 1, n2) of the nodes whose links remain open, or None.
     """
     saved = []  # (conductances, indices of closed links, their conductances)
     if keep is not None:
@@ -186,9 +194,11 @@ def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0)
 
 @compiled()
 def _restrict(begin, end, along, across, keep, first, second):
-    """Close the links of nodes not marked in `keep`, in the rows `begin` to `end` − 1, and scale the other links.
+    """Close the links of all nodes that are not marked in `keep`, and scale the conductances of the open links.
 
-    The conductances of the other links are multiplied by `first`, and then by `second`.
+    begin, end : only the rows `begin` to `end` − 1 of links are changed.
+    keep : flags (n1 + 1, n2) of the nodes whose links remain open.
+    first, second : the conductances of open links are multiplied by `first`, and then by `second`.
     """
     n2, m2 = along.shape[1], across.shape[1]
     for i in range(begin, end):
@@ -202,12 +212,13 @@ def _restrict(begin, end, along, across, keep, first, second):
 
 
 class PreparedLinks(NamedTuple):
-    """Links of a stencil as the solvers of the fast path need them, see `prepare_links`.
+    """Links of a stencil in the form that the fast solvers require, see `prepare_links`.
 
-    along, across : conductances in the shapes of `Stencil`, divided by 2^exponent. Links of nodes that are not
-        connected to both ends are closed.
-    reached : array (n1 + 1, n2), ends to which each node is connected, see `nodes_reached`.
-    exponent : binary exponent of the common factor of the conductances.
+    along, across : conductances divided by 2^exponent, in the shapes of `Stencil`. If inlet and outlet are connected,
+        the links of all nodes that are not connected to both are closed.
+    reached : array (n1 + 1, n2), whether each node is connected to the inlet, to the outlet, to both or to neither, see
+        `nodes_reached`.
+    exponent : exponent of the power of two by which the conductances are divided.
     """
 
     along: Array
@@ -217,15 +228,15 @@ class PreparedLinks(NamedTuple):
 
     @property
     def percolate(self) -> bool:
-        """Whether inlet and outlet are connected."""
+        """Whether an open path connects the inlet and the outlet."""
         return bool(self.reached[0, 0] == BOTH_ENDS)
 
 
 def prepare_links(along: Array, across: Array) -> PreparedLinks:
     """Prepare the conductances of a stencil for `solve_prepared`; the two arrays are overwritten.
 
-    If the network percolates, the links of nodes that are not connected to both ends are closed, and the conductances
-    are divided by a power of two near the largest one.
+    In a network that connects inlet and outlet, the links of all nodes that are not connected to both are closed. The
+    conductances are divided by a power of two near the largest conductance.
     """
     parts = rows(*along.shape)
     reached = nodes_reached(along, across)
@@ -243,10 +254,10 @@ def prepare_links(along: Array, across: Array) -> PreparedLinks:
 
 @dataclass(frozen=True)
 class Constriction:
-    """Narrowest point of the widest path from inlet to outlet.
+    """Critical constriction: the narrowest point of the widest path from inlet to outlet.
 
-    position : coordinates (x1, x2) of the point, midway between two pixels [m].
-    gap : gap at this point [m].
+    position : coordinates (x1, x2) of the constriction, which lies midway between two pixel centres [m].
+    gap : gap at the constriction [m].
     """
 
     position: Pair
@@ -260,7 +271,8 @@ def critical_constriction(
 
     Parameters
     ----------
-    gap, spacing, axis, sides : as in `cell_permeability`. The gap between two pixels is interpolated in the same way.
+    gap, spacing, axis, sides : as in `cell_permeability`. The gap between two pixels is interpolated as in
+        `cell_permeability`.
 
     Returns
     -------
@@ -276,7 +288,7 @@ def critical_constriction(
     widths = widths[widths > 0]
 
     def is_blocked(width: float) -> bool:
-        """Return whether inlet and outlet are separated if only links of at least this width are open."""
+        """Return whether inlet and outlet are separated if all links with a gap below `width` are closed."""
         return bool(nodes_reached(h1, h2, width)[0, 0] != BOTH_ENDS)
 
     # bisection in the sorted widths: the number of widths at which a path exists

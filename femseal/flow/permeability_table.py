@@ -1,13 +1,15 @@
 """Tabulate and interpolate a permeability that depends on the fluid pressure.
 
 Examples are the permeability for a rarefied gas, and the permeability of faces that the fluid pressure separates. The
-permeability k is computed at a few pressures p, and ln k is interpolated in one of two ways. For a rarefied gas a
-single polynomial in ln p is used; its slope is between −1 (free-molecular flow) and 0 (viscous flow). For faces that
-the fluid separates, ln k is interpolated linearly between the pressures, because closed parts may open between them.
+permeability k is computed at a few pressures p, and ln k is interpolated between these pressures. For a rarefied gas,
+ln k is a single polynomial in ln p, whose slope is between −1 (free-molecular flow) and 0 (viscous flow). For faces
+that the fluid pressure separates, ln k is interpolated linearly between adjacent pressures, because closed parts of the
+faces may open from one pressure to the next.
 
-Accuracy of the polynomial for helium in rough gaps of 10 nm to 10 µm: with six Chebyshev points over three decades of
-pressure, or four over one decade, the flow is accurate within 0.1 %. Between parallel plates it is accurate within
-0.5 %, because there the jumps of the flow factor are not smoothed.
+The polynomial was tested for the flow of helium through rough gaps of 10 nm to 10 µm. The error of the flow is at most
+0.1 % if the polynomial has six Chebyshev points over three decades of pressure, or four points over one decade. Between
+parallel plates, the error is at most 0.5 %: the small jumps of Q(D) (see `flow.law.flow_rate`) have a larger effect if
+the gap is the same everywhere.
 """
 
 from __future__ import annotations
@@ -26,27 +28,30 @@ from ..base import Array, Indices, InputError
 
 #: Smallest tabulated pressure as a fraction of the highest one. Hardly any of the potential drop lies below it.
 _LEAST_FRACTION = 1e-3
-#: If the ratio of the highest to the lowest pressure is at most the first number, the second is the number of tabulated
-#: pressures; otherwise it is the third.
+#: `_FEW` pressures are tabulated if the ratio of the highest to the lowest pressure is at most `_ONE_DECADE`; otherwise
+#: `_MANY` pressures are tabulated.
 _ONE_DECADE, _FEW, _MANY = 12.0, 4, 6
-#: Gauss points for the mean between two pressures. They integrate over the square root of the relative distance from
-#: the lower pressure, `_ROOTS`, so that they are dense there.
+#: Gauss points and weights for a mean over the pressures from p0 to p1. The integration variable is √((p − p0)/(p1 −
+#: p0)), so that the points are dense near p0. `_ROOTS` are the values of this variable at the Gauss points.
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
 _ROOTS = 0.5 * (1 + _POINTS)
-#: A mobility whose relative variation is not larger counts as constant.
+#: A mobility counts as constant if its relative variation is at most this number.
 _LEAST_VARIATION = 1e-9
 
 
 def table_pressures(inlet: float, outlet: float) -> Array:
     """Choose the pressures [Pa] at which the permeability for a gas is computed, from the highest to the lowest.
 
-    They are the Chebyshev extrema in ln p between inlet and outlet pressure: four if these differ by a factor of up to
-    12, and six otherwise. Pressures below 1e-3 of the highest one are not tabulated.
+    The pressures are the Chebyshev extrema in ln p between the inlet pressure and the outlet pressure. Four pressures
+    are chosen if inlet and outlet pressure differ by a factor of up to 12; six pressures if the factor is larger.
+    Pressures below 1e-3 of the highest pressure are not tabulated.
     """
     high = max(inlet, outlet)
     low = max(min(inlet, outlet), _LEAST_FRACTION * high)
     if not low > 0:
-        raise InputError("pressure", f"{inlet:g} and {outlet:g} Pa", "one of them > 0")
+        raise InputError(
+            "pressure", f"{inlet:g} and {outlet:g} Pa", "at least one pressure > 0 [Pa]"
+        )
     if high == low:
         low = high / 1.01
     count = _FEW if high / low <= _ONE_DECADE else _MANY
@@ -62,18 +67,20 @@ class PermeabilityTable:
 
     Parameters
     ----------
-    pressures : m different pressures [Pa], such as those of `table_pressures`. They are > 0, or >= 0 with `piecewise`.
-    values : permeability at these pressures [m³]. The first axis has one entry for each of the m pressures. Each entry
-        is a permeability that `seal_leakage` accepts, except for tensors. Possible shapes are, for example, (m,), (m,
-        n_elements) and (m, n_elements, 2).
-    piecewise : whether to interpolate linearly between adjacent pressures. If false, ln k is a single polynomial in ln
-        p, and an element that is closed at any of the pressures counts as closed. If true, ln k is linear between
-        adjacent pressures; if an element is closed at exactly one of the two, k itself is linear.
+    pressures : m different pressures [Pa], such as those of `table_pressures`. All pressures must be > 0, or >= 0 if
+        `piecewise` is true.
+    values : array of permeabilities [m³], whose first axis has m entries, one for each pressure. The permeability at
+        one pressure is a number or an array that `seal_leakage` accepts, but not an array of tensors. Possible shapes
+        of `values` are, for example, (m,), (m, n_elements) and (m, n_elements, 2).
+    piecewise : whether to interpolate linearly between adjacent pressures. If `piecewise` is false, ln k is a single
+        polynomial in ln p; an element that is closed at one of the pressures counts as closed at all pressures. If
+        `piecewise` is true, ln k is linear between adjacent pressures. If an element is closed at only one of two
+        adjacent pressures, k itself is linear between these pressures.
 
     Raises
     ------
-    InputError : two pressures are equal, or a pressure is negative, or it is 0 without `piecewise`; or a value is
-        negative or undefined, or the number of values is not that of the pressures.
+    InputError : two pressures are equal, or a pressure is not in the allowed range; a permeability is negative or
+        undefined; or the first axis of `values` does not have m entries.
 
     Examples
     --------
@@ -109,7 +116,7 @@ class PermeabilityTable:
         except (TypeError, ValueError):
             expected = f"one array with a first axis of {p.size}"
             raise InputError(
-                "values", "arrays of different shapes, or no numbers", expected
+                "values", "arrays of different shapes, or values that are not numbers", expected
             ) from None
         if values.ndim < 1 or len(values) != p.size:
             expected = f"a first axis of {p.size}, one for each pressure"
@@ -122,9 +129,9 @@ class PermeabilityTable:
 
     @property
     def typical(self) -> tuple[float, float]:
-        """Median tabulated pressure [Pa], and median permeability [m³] of the elements that are open at this pressure.
+        """Median of the tabulated pressures [Pa], and median permeability [m³] of the open elements at this pressure.
 
-        The permeability is 0 if all elements are closed.
+        If all elements are closed at the median pressure, the permeability is 0.
         """
         middle = int(np.argsort(self.pressures)[len(self.pressures) // 2])
         k = self.values[middle]
@@ -136,19 +143,21 @@ class PermeabilityTable:
 def tabulate(
     pressures: Sequence[float] | Array, values: Sequence[Any], piecewise: bool = False
 ) -> Any:
-    """Make a table of the permeabilities at several pressures; for a single pressure return its permeability itself."""
+    """Make a table of the permeabilities at several pressures; for a single pressure, return the only permeability."""
     if len(values) == 1:
         return values[0]
     return PermeabilityTable(tuple(pressures), np.array(values), piecewise)
 
 
 class PressureCurve:
-    """Permeability of each element as a function of the pressure, interpolated as described in `PermeabilityTable`.
+    """Permeability of each element of a seal as a continuous function of the fluid pressure.
+
+    The docstring of `PermeabilityTable` describes the interpolation between the tabulated pressures.
 
     Parameters
     ----------
     pressures : m different pressures [Pa].
-    values : array (m, …), permeabilities of the elements at these pressures [m³].
+    values : array (m, …), permeability of each element at each of the m pressures [m³].
     piecewise : see `PermeabilityTable`.
     """
 
@@ -159,18 +168,24 @@ class PressureCurve:
         self.shape = values.shape[1:]
         k = values[order].reshape(order.size, -1)  # (pressure, element)
         if piecewise:
-            self._keep_values(k)
+            self._store_logarithms(k)
         else:
             self._fit_polynomials(k)
 
-    def _keep_values(self, k: Array) -> None:
-        """Store ln k for the interpolation between pressures; k is the permeability (pressure, element) [m³]."""
+    def _store_logarithms(self, k: Array) -> None:
+        """Store ln k for the linear interpolation between adjacent pressures.
+
+        k : array (pressure, element), permeability [m³].
+        """
         with np.errstate(divide="ignore"):
             self._log_k = np.log(k)
         self._is_open = (k > 0).any(axis=0)
 
     def _fit_polynomials(self, k: Array) -> None:
-        """Fit a polynomial of ln k in ln p for each element, through the values k (pressure, element) [m³]."""
+        """Compute the coefficients of the polynomial of ln k in ln p for each element.
+
+        k : array (pressure, element), permeability [m³].
+        """
         self._is_open = (k > 0).all(axis=0)
         self._range = np.log(self._knots[[0, -1]])
         t = self._scaled(np.log(self._knots))
@@ -188,11 +203,13 @@ class PressureCurve:
     def mean_between(self, first: Array, second: Array, mobility: Mobility) -> Array:
         """Compute the mean permeability ∫ k dφ/∫ dψ of each element between two positive pressures.
 
-        For a piecewise table and a constant mobility the mean is exact. Otherwise it is computed by Gauss quadrature.
+        If the table is piecewise and the mobility is constant, the integrals are computed exactly. In all other cases
+        the integrals are computed by Gauss quadrature.
 
         Parameters
         ----------
-        first, second : the two pressures of each element [Pa], broadcast to the shape of the elements.
+        first, second : first pressure and second pressure of each element [Pa]; numbers, or arrays that can be
+            broadcast to the shape of the elements.
         mobility : derivatives of the potentials φ and ψ with respect to the pressure.
         """
         a, b = (np.broadcast_to(p, self.shape).ravel() for p in (first, second))
@@ -209,7 +226,11 @@ class PressureCurve:
         return np.where(self._is_open, mean, 0.0).reshape(self.shape)
 
     def _evaluate(self, p: Array, elements: Indices) -> Array:
-        """Compute the permeabilities of some elements (n,) at their pressures p (…, n) [Pa]."""
+        """Compute the permeabilities of some elements, each at given pressures.
+
+        p : array (…, n), pressures for each of the n elements [Pa].
+        elements : array (n,), numbers of the elements.
+        """
         if self._piecewise:
             upper = np.clip(np.searchsorted(self._knots, p), 1, self._knots.size - 1)
             interpolated, _ = self._between_knots(p, upper, elements)
@@ -222,12 +243,18 @@ class PressureCurve:
         return np.asarray(np.exp(log_k + self._slope[elements] * below_range))
 
     def _between_knots(self, p: Array, upper: Any, elements: Indices) -> tuple[Array, Any]:
-        """Interpolate ln k of some elements between two adjacent tabulated pressures.
+        """Interpolate ln k of some elements between two adjacent tabulated pressures p0 < p1.
 
-        Outside the range between the two pressures, ln k is constant. If an element is closed at exactly one of the two
-        pressures, k itself is interpolated linearly; flags of these elements are also returned.
+        Below p0 and above p1, ln k is constant. If an element is closed at only one of p0 and p1, the permeability k
+        itself is interpolated linearly.
 
-        upper : index of the higher of the two pressures in the table.
+        p : pressures at which ln k is interpolated [Pa].
+        upper : index of p1 among the tabulated pressures.
+        elements : numbers of the elements.
+
+        Returns
+        -------
+        Array of ln k, and flags of the elements whose permeability is interpolated linearly.
         """
         low, high = self._knots[upper - 1], self._knots[upper]
         weight = np.clip((p - low) / (high - low), 0.0, 1.0)
@@ -239,7 +266,10 @@ class PressureCurve:
             return np.where(is_linear, log_of_linear, a + weight * (b - a)), is_linear
 
     def _exact_mean(self, low: Array, high: Array) -> Array:
-        """Compute the mean of each permeability over the pressures from `low` to `high`, by intervals of the table."""
+        """Compute the mean permeability of each element over the pressures from `low` to `high`.
+
+        The integrals over the intervals between adjacent tabulated pressures are computed exactly, and added up.
+        """
         # the first and the last interval, beyond the table, are unbounded
         knots = np.array([-np.inf, *self._knots, np.inf])
         total = np.zeros(low.shape)
@@ -269,13 +299,14 @@ class PressureCurve:
 class Mobility:
     """Derivatives of two pressure potentials of a fluid with respect to the pressure, at tabulated pressures.
 
-    Between the tabulated pressures the derivatives are linear, which is exact for a viscous gas.
+    Between the tabulated pressures, the derivatives are interpolated linearly, which is exact for a viscous gas.
 
     Attributes
     ----------
     pressures : increasing pressures [Pa].
-    viscous : dφ/dp of the viscous potential φ at these pressures.
-    reference : dψ/dp of the potential ψ of the reference gap at these pressures, see `flow.pressure_drop`.
+    viscous : derivative dφ/dp of the viscous potential φ at each of the pressures.
+    reference : derivative dψ/dp of the potential ψ of the reference gap at each of the pressures, see
+        `flow.pressure_drop`.
     """
 
     pressures: Array
@@ -284,7 +315,7 @@ class Mobility:
 
     @cached_property
     def is_constant(self) -> bool:
-        """Whether both derivatives are constant, as for a liquid of constant viscosity."""
+        """Whether dφ/dp and dψ/dp are constant, as for a liquid of constant viscosity."""
         variation = np.ptp(self.viscous) + np.ptp(self.reference)
         return bool(variation <= _LEAST_VARIATION * np.abs(self.viscous).max())
 

@@ -1,12 +1,14 @@
-"""Compute the flow through a cell as a user of scikit-fem would: the plain path.
+"""Compute the flow through a cell with standard functions of scikit-fem: the readable reference implementation.
 
-This file defines the discrete problem. It is the reference for the fast path (`flow.cell` and `flow.grid`), which
-computes the same operator without a mesh. Tests assert that both paths give the same permeability.
+This module defines the discrete problem of the flow through a cell. `flow.cell` and `flow.grid` compute the same
+operator faster, without a mesh. Tests assert that the reference implementation and the fast implementation give the
+same permeability.
 
-The unknowns are the pressures at the pixel centres. Each bilinear element (Q1) has four pixel centres as its corners.
-Elements of half the length lie between the outermost pixel centres and the ends of the cell, where the pressure is
-prescribed, and at mirrored sides. The form is integrated at the midpoints of the element edges: an edge along x1
-contributes with K11 at its midpoint, an edge along x2 with K22. `gap_on_links` interpolates the gap at these points.
+The unknowns are the pressures at the pixel centres. The corners of each bilinear element (Q1) are four pixel centres.
+The elements at the inlet and the outlet, where the pressure is prescribed, have only half the length of a pixel. The
+elements at mirrored sides have only half the width of a pixel. The weak form is integrated at the midpoints of the
+element edges, with K11 at the midpoint of each edge along x1 and K22 at the midpoint of each edge along x2.
+`gap_on_links` interpolates the gap at the midpoints of the edges.
 """
 
 from __future__ import annotations
@@ -27,24 +29,25 @@ from .solvers.sparse import solve_sparse
 def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
     """Assemble the operator of the flow along the first axis of a cell.
 
-    The nodes of the mesh are the pixel centres, and the points at inlet and outlet beside them. The form is integrated
-    at the midpoints of the edges, where the permeability follows from the gap between two pixels. Three steps follow:
-    the mesh, the permeability at the midpoints of the edges, and the nodes that share one unknown.
+    The nodes of the mesh are the pixel centres, and points on the inlet, on the outlet and on mirrored sides. The weak
+    form is integrated at the midpoints of the element edges, where the gap is interpolated between two pixels. The
+    function builds the mesh, computes the permeability at the midpoints of the edges, and joins the nodes that share an
+    unknown.
 
     Parameters
     ----------
     gap : array (n1, n2), gap h >= 0 at the pixel centres; h = 0 is contact.
     spacing : lengths of a pixel along x1 and x2.
-    sides : "periodic" or "mirror", how the cell continues beyond its sides.
+    sides : "periodic" or "mirror": how the gap continues beyond the sides of the cell.
 
     Returns
     -------
-    Symmetric matrix with (n1 + 2) n2 rows. Its unknowns are the n2 pressures at the inlet, the pressures at the pixel
+    Symmetric matrix with (n1 + 2) n2 rows. The unknowns are the n2 pressures at the inlet, the pressures at the pixel
     centres row by row, and the n2 pressures at the outlet.
     """
     (n1, n2), (d1, d2) = gap.shape, spacing
     x1 = np.concatenate([[0.0], (np.arange(n1) + 0.5) * d1, [n1 * d1]])
-    if sides == "periodic":  # the last line of nodes is the first one again
+    if sides == "periodic":  # the last line of nodes is the first line again
         x2 = (np.arange(n2 + 1) + 0.5) * d2
         column = np.arange(n2 + 1) % n2
     else:  # the lines at the sides have the pressure of the pixel centres beside them
@@ -67,7 +70,7 @@ def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
     k[0, 0] = k11[i, j]
     k[1, 1] = k22[i, j]
     # Edges along x2 at the ends have K22 = 0, so that the elements there take only half of K22 of the pixel centres.
-    # Doubling it makes up for this.
+    # Doubling K22 there makes up for the missing half.
     at_end = (i.min(axis=1) == 0) | (i.max(axis=1) == 2 * n1 + 2)
     k[1, 1, at_end] *= 2
     matrix = forms.darcy_flow.assemble(basis, k=k)
@@ -99,8 +102,8 @@ def solve_plain(
 
     Returns
     -------
-    DarcyFlow. Its potential, array (n1 + 2, n2), has the pressures at the inlet in its first row, at the pixel centres
-    in the rows between, and at the outlet in its last row.
+    DarcyFlow. The array `potential` (n1 + 2, n2) contains the pressures at the inlet in the first row, the pressures at
+    the pixel centres in the following n1 rows, and the pressures at the outlet in the last row.
 
     Raises
     ------

@@ -1,9 +1,10 @@
 """Describe the pressure drop of a fluid, and solve flows −K(h, p) (ρ/η) ∇p whose permeability depends on the pressure.
 
-With K = (h³/12) F and the potential dψ = F(h₀, p) (ρ/η) dp for a reference gap h₀, the flow is linear in ∇ψ with the
-permeability (h³/12) F(h, p)/F(h₀, p). It is solved by a fixed-point iteration: the pressures of one solution give the
-ratio F(h, p)/F(h₀, p) for the next one. The reference gap h₀ is the gap at the critical constriction, which controls
-the flow. There the ratio is close to 1 at all pressures, so that each iteration gains about two digits for a gas.
+The permeability is K = (h³/12) F(h, p). The potential ψ of a reference gap h₀ is defined by dψ = F(h₀, p) (ρ/η) dp. The
+flux is then −k ∇ψ with the permeability k = (h³/12) F(h, p)/F(h₀, p). The flow is solved by a fixed-point iteration:
+the pressures of one solution give the ratio F(h, p)/F(h₀, p) for the next solution. The reference gap h₀ is the gap at
+the critical constriction, which controls the flow. At the critical constriction, the ratio F(h, p)/F(h₀, p) is close to
+1 at all pressures. For a gas, each iteration therefore gains about two digits.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ _LEAST_GAP = 1e-12
 class FlowingFluid(Protocol):
     """Properties of a fluid that determine its flow through gaps.
 
-    These are the pressure potential of the fluid, and its flow law. A fluid without the attribute `law` follows the
-    cubic law.
+    The flow depends on the pressure potential and on the flow law of the fluid. A fluid without the attribute `law`
+    follows the cubic law.
     """
 
     def potential(self, pressure: ArrayLike) -> NDArray[np.float64]:
@@ -56,14 +57,16 @@ class _UnitFluid:
     law: FlowLaw = CUBIC_LAW
 
     def potential(self, pressure: ArrayLike) -> Array:
-        """Return the pressure, which is also the potential, as an array."""
+        """Return the potential, which is equal to the pressure, as an array."""
         return np.asarray(pressure, dtype=float)
 
     pressure = potential
 
 
 class _PotentialTable(NamedTuple):
-    """Potentials and pressure along the pressure drop, from the outlet to the inlet, arrays (points,).
+    """Two potentials and the pressure of a fluid, tabulated from the outlet pressure to the inlet pressure.
+
+    All arrays have the shape (points,).
 
     ψ : potential of the reference gap [kg/(m³ s)], 0 at the outlet.
     φ : viscous potential [kg/(m³ s)], 0 at the outlet.
@@ -87,8 +90,8 @@ def pressure_between(
 class PressureDrop:
     """Pressure drop of a fluid between inlet and outlet, described by the potential ψ of a reference gap.
 
-    Positions within the drop are given as fractions of the potential difference, from 0 at the outlet to 1 at the
-    inlet. If the flow law does not depend on the pressure, ψ is the viscous potential φ.
+    A pressure between outlet and inlet is described by its fraction of the drop of ψ, which is 0 at the outlet and 1 at
+    the inlet. If the flow law does not depend on the pressure, ψ is the viscous potential φ.
 
     Attributes
     ----------
@@ -106,8 +109,8 @@ class PressureDrop:
     def of_fluid(cls, fluid: FlowingFluid, inlet: float, outlet: float) -> PressureDrop:
         """Make the pressure drop of a fluid between an inlet and an outlet pressure [Pa].
 
-        If the flow law does not depend on the pressure, the permeability is the same at all pressures. A unit drop is
-        then returned instead of the given one.
+        If the flow law does not depend on the pressure, the permeability is the same at all pressures, and a pressure
+        drop from 1 to 0 is returned instead of the given pressure drop.
         """
         law = law_of(fluid)
         if not law.depends_on_pressure:
@@ -121,9 +124,9 @@ class PressureDrop:
 
     @cached_property
     def pressures(self) -> Array:
-        """Pressures [Pa] at which permeabilities are needed, beginning with the highest.
+        """Pressures [Pa] at which the permeability has to be computed, from the highest to the lowest.
 
-        If the flow law does not depend on the pressure, only the inlet pressure is returned.
+        If the flow law does not depend on the pressure, the array contains only the inlet pressure.
         """
         if not self.law.depends_on_pressure:
             return np.array([self.inlet])
@@ -136,20 +139,24 @@ class PressureDrop:
         solve: Callable[[Array], tuple[float, Array, FaceSolution]],
         rtol: float,
     ) -> tuple[FaceSolution, PressureDrop]:
-        """Solve the flow through a face that is periodic along x2; the permeability depends on the local pressure.
+        """Solve the flow through a face whose permeability may depend on the local fluid pressure.
+
+        The face is periodic along x2.
 
         Parameters
         ----------
         gap : array (n1, n2), gap [m].
         spacing : lengths of a pixel [m].
-        solve : callable that solves the flow through a gap [m] by the cubic law. It returns the permeability, the
-            potential at the pixels, and a solution with any further results.
-        rtol : relative error at which the fixed-point iteration stops, if the law depends on the pressure.
+        solve : function that solves the flow through a gap [m] by the cubic law. The function returns the permeability,
+            the potential at the pixels, and an object that describes the whole solution.
+        rtol : relative error at which the fixed-point iteration stops; not used if the flow law does not depend on the
+            pressure.
 
         Returns
         -------
-        Solution of the last call of `solve`, and the pressure drop of the face. The potential in the solution is a
-        fraction of this pressure drop. The permeability has to be multiplied by the `mean_factor` of the pressure drop.
+        Solution that the last call of `solve` returned, and pressure drop with the reference gap of the face. The
+        potential in the solution is a fraction of the drop of ψ. To get the permeability of the face, multiply the
+        permeability in the solution by the `mean_factor` of the returned pressure drop.
 
         Raises
         ------
@@ -169,10 +176,12 @@ class PressureDrop:
         return solved.solution, drop
 
     def at_constriction(self, gap: Array, spacing: tuple[float, float]) -> PressureDrop:
-        """Return this pressure drop with another reference gap: the gap at the critical constriction of a face.
+        """Return the same pressure drop, with the gap at the critical constriction of a face as the reference gap.
 
-        The face, with the gap (n1, n2) [m], is periodic along x2. If the face is closed, a unit potential drop of a
-        viscous fluid is returned.
+        The face is periodic along x2. If the face is closed, the unit potential drop of a viscous fluid is returned.
+
+        gap : array (n1, n2), gap of the face [m].
+        spacing : lengths of a pixel [m].
         """
         if not self.law.depends_on_pressure:
             return self
@@ -183,7 +192,7 @@ class PressureDrop:
 
     @cached_property
     def _table(self) -> _PotentialTable:
-        """Both potentials and the pressure at points from the outlet to the inlet."""
+        """Table of the potentials ψ and φ and of the pressure p, from the outlet to the inlet."""
         # the points are dense at the outlet, where the pressure of a gas changes most
         p = self.outlet + (self.inlet - self.outlet) * np.linspace(0, 1, _INTERVALS + 1) ** 2
         φ = self.fluid.potential(p)
@@ -203,9 +212,9 @@ class PressureDrop:
 
     @cached_property
     def mobility(self) -> Mobility:
-        """Derivatives dφ/dp and dψ/dp [s/m²] at pressures between outlet and inlet.
+        """Derivatives dφ/dp and dψ/dp [s/m²] at pressures from the outlet pressure to the inlet pressure.
 
-        At a pressure of 0 they are computed at the `least_pressure`.
+        For pressures below `least_pressure`, the derivatives are computed at `least_pressure`.
         """
         tabulated = self._table.p
         p = np.maximum(tabulated, self.least_pressure)
@@ -216,15 +225,16 @@ class PressureDrop:
 
     @property
     def least_pressure(self) -> float:
-        """Smallest pressure [Pa] at which F is computed, because F may be infinite at a pressure of 0.
+        """Lowest pressure [Pa] at which the factor F(h, p) is computed, because F may be infinite at a pressure of 0.
 
-        The exact value does not matter, because the ratio of F at two gaps tends to a limit as the pressure tends to 0.
+        The value of `least_pressure` hardly matters, because the ratio of F at two gaps tends to a limit as the
+        pressure tends to 0.
         """
         return _LEAST_PRESSURE * max(self.inlet, self.outlet)
 
     @cached_property
     def mean_factor(self) -> float:
-        """Mean of F(h₀, p) over the viscous potential between inlet and outlet, Δψ/Δφ."""
+        """Mean value Δψ/Δφ of the factor F(h₀, p) over the viscous potential φ between inlet and outlet."""
         if not self.law.depends_on_pressure:
             return 1.0
         ψ, φ, _ = self._table
@@ -233,23 +243,22 @@ class PressureDrop:
         return float(ψ[-1] / φ[-1])
 
     def mean_factor_of(self, gap: float) -> float:
-        """Compute the ratio of the flow between parallel plates to the viscous flow, for a gap >= 0 [m].
+        """Compute the ratio of the flow between parallel plates with a given gap >= 0 [m] to the viscous flow.
 
-        It is the mean of F(h, p) over the viscous potential, ∫F dφ/Δφ; for an undefined gap it is NaN. It is finite
-        even if the outlet is a vacuum, where F itself is infinite, so that a mean of F at inlet and outlet would be
-        useless.
+        The ratio is ∫F dφ/Δφ, the mean of the factor F(h, p) over the viscous potential φ. This mean is finite even if
+        the outlet is a vacuum, where F itself is infinite. For an undefined gap, the ratio is NaN.
         """
         return replace(self, gap=max(gap, _LEAST_GAP)).mean_factor
 
     def pressure(self, fraction: ArrayLike) -> Array:
-        """Compute the pressure [Pa] at a fraction of the drop of ψ."""
+        """Compute the pressure [Pa] at a fraction of the drop of ψ, from 0 at the outlet to 1 at the inlet."""
         ψ, _, p = self._table
         if ψ[-1] == 0:
             return np.full(np.shape(fraction), self.inlet)
         return np.interp(reals(fraction), ψ / ψ[-1], p)
 
     def viscous_fraction(self, fraction: ArrayLike) -> Array:
-        """Convert a fraction of the drop of ψ to the fraction of the drop of the viscous potential φ."""
+        """Convert a fraction of the drop of ψ to the corresponding fraction of the drop of the viscous potential φ."""
         if not self.law.depends_on_pressure:
             return np.asarray(fraction)
         ψ, φ, _ = self._table
@@ -258,7 +267,10 @@ class PressureDrop:
         return np.interp(reals(fraction), ψ / ψ[-1], φ / φ[-1])
 
     def steepness(self, first: Array, second: Array) -> Array:
-        """Compute Δψ/Δφ between two fractions of the drop of ψ; where these are equal, the derivative dψ/dφ."""
+        """Compute Δψ/Δφ between two pressures, or dψ/dφ where the two pressures are equal.
+
+        first, second : the two pressures, described by their fractions of the drop of ψ.
+        """
         drop = first - second
         viscous_drop = self.viscous_fraction(first) - self.viscous_fraction(second)
         is_apart = np.abs(viscous_drop) > 1e-9
@@ -270,8 +282,8 @@ class PressureDrop:
         """Compute the gap [m] whose permeability by the cubic law is (h³/12) F(h, p)/F(h₀, p).
 
         gap : array (n1, n2), gap h [m].
-        fraction : potential ψ at the pixels as a fraction of its drop, from which the pressure p follows. NaN is
-            replaced by 0.5.
+        fraction : potential at the pixels, as a fraction of the drop of ψ. The pressure p is computed from this
+            fraction. NaN is replaced by 0.5.
         """
         p = self.pressure(np.nan_to_num(reals(fraction), nan=0.5))
         p = np.maximum(p, self.least_pressure)

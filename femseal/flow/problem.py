@@ -12,10 +12,10 @@ from numpy.typing import ArrayLike
 from ..base import Array, InputError, Lengths, Pair, validate
 
 SIDES = ("mirror", "periodic")
-#: Solvers of the fast path, which require a five-point stencil, and of the plain path, which take any sparse matrix.
+#: Fast solvers, which require a five-point stencil; and sparse solvers, which accept any sparse matrix.
 FAST_SOLVERS = ("multigrid", "elimination")
 PLAIN_SOLVERS = ("amg", "direct")
-#: All flow solvers. "auto" takes the fast path if there is one, and on it the solver that is expected to be faster.
+#: All flow solvers. "auto" prefers the fast solvers, and chooses the one that is expected to take less time.
 SOLVERS = ("auto", *FAST_SOLVERS, *PLAIN_SOLVERS)
 #: Largest relative difference between inlet and outlet flow that is accepted from a direct or a precise solution.
 MAX_IMBALANCE = 1e-5
@@ -51,7 +51,9 @@ def validated_gap(gap: ArrayLike, spacing: Lengths) -> tuple[Array, Pair]:
         raise InputError("gap", f"a largest gap of {largest:g} m", expected)
     if ((h > 0) & (h < largest / _CONTRAST)).any():
         given = f"{h[h > 0].min():g} m beside {largest:g} m"
-        raise InputError("gap", given, f"0, or numbers >= {1 / _CONTRAST:g} of the largest")
+        raise InputError(
+            "gap", given, f"0, or gaps of at least {1 / _CONTRAST:g} of the largest gap"
+        )
     d1, d2 = validate.lengths("spacing", spacing)
     if not 1 / _SLENDER <= d1 / d2 <= _SLENDER:
         expected = f"two lengths whose ratio is from {1 / _SLENDER:g} to {_SLENDER:g}"
@@ -60,7 +62,7 @@ def validated_gap(gap: ArrayLike, spacing: Lengths) -> tuple[Array, Pair]:
 
 
 def validated_cell(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> tuple[Array, Pair]:
-    """Check the input of a cell; return gap and spacing, transposed if the flow is along the second axis.
+    """Check the input of a cell, and transpose gap and spacing if the flow is along the second axis.
 
     Raises
     ------
@@ -74,10 +76,10 @@ def validated_cell(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> t
 
 
 def unit_spacing(spacing: Pair) -> Pair:
-    """Divide a spacing by a power of two near its larger length.
+    """Divide the two lengths of a pixel by a power of two, so that the larger length is in the range from 1 to 2.
 
-    The flow depends only on the ratio of the two lengths. A division by a power of two causes no rounding error, so
-    that this ratio remains exactly the same.
+    The flow depends only on the ratio Δ1/Δ2 of the pixel lengths. A division by a power of two causes no rounding
+    error, so that the ratio Δ1/Δ2 does not change at all.
 
     >>> unit_spacing((3e-6, 1.5e-6))
     (1.572864, 0.786432)
@@ -97,20 +99,21 @@ def potential_rtol(rtol: float, field_rtol: float | None = None) -> float:
 
 @dataclass(frozen=True)
 class DarcyFlow:
-    """Flow for a unit potential drop; exactly 0 without an open path from inlet to outlet.
+    """Flow through a grid or a mesh for a unit potential drop; exactly 0 without an open path from inlet to outlet.
 
     Attributes
     ----------
-    conductance : flow for the unit drop, in the unit of the permeability (m³). It is equal to the energy that the flow
-        dissipates.
-    potential : potential at the nodes, in the shape of the grid or the mesh. At nodes that are only connected to the
-        inlet it is 1, at nodes that are only connected to the outlet 0, and in pockets, which are connected to neither
-        end, NaN.
-    complement : 1 − potential. Elimination computes it separately, with a high relative accuracy where it is small.
+    conductance : flow rate for the unit potential drop, in the unit of the permeability (m³). The conductance is equal
+        to the energy that the flow dissipates.
+    potential : array with the potential at the nodes of the grid or the mesh. The potential is 1 at nodes that are only
+        connected to the inlet, 0 at nodes that are only connected to the outlet, and NaN at nodes in pockets, which are
+        connected to neither.
+    complement : 1 − potential. The solver "elimination" computes the complement separately, so that even a very small
+        complement has a small relative error.
     percolates : whether an open path connects inlet and outlet.
     iterations : number of iterations; 0 for a direct solution.
-    residual : estimated relative error of the potential in the energy norm; 0 for a direct solution. Its square is the
-        relative error of the conductance.
+    residual : estimated relative error of the potential in the energy norm; 0 for a direct solution. The relative error
+        of the conductance is `residual` squared.
     imbalance : relative difference between inlet and outlet flow.
     solver : name of the solver that was used: "multigrid", "elimination", "amg" or "direct"; "none" if there was no
         unknown.

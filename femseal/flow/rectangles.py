@@ -1,20 +1,22 @@
-"""Compute the Darcy flow through a seal that consists of rectangles in rows, each with its own permeability.
+"""Compute the Darcy flow through a seal that consists of rows of rectangles with different permeabilities.
 
-The rows lie between inlet and outlet and are periodic along x2. This describes a strip, and in the coordinates
-(ln r, θ), in which Darcy's law has the same form, also a ring. The principal axes of the permeabilities are x1 and x2.
-Two solutions enclose the exact flow:
+The rows of rectangles lie between the inlet and the outlet, and are periodic along x2. The grid of rectangles describes
+a strip. In the coordinates (ln r, θ), in which Darcy's law has the same form, the grid also describes a ring. The
+principal axes of the permeabilities are x1 and x2. Two solutions enclose the exact flow:
 
-- *corners*: continuous pressures, with unknowns at the corners of the rectangles. Bilinear elements, integrated at the
-  midpoints of their edges, have the same energy as linear elements on right triangles. Their flow is an upper bound.
-- *centres*: continuous fluxes, with unknown pressures at the centres of the rectangles. A link between two centres
-  consists of half of each rectangle in series, so that its conductance is the harmonic mean of the conductances of the
-  two rectangles. This is equivalent to lowest-order Raviart-Thomas fluxes, integrated at the corners. Their flow is a
-  lower bound.
+- *corners*: the pressure is continuous, and its values at the corners of the rectangles are the unknowns. Bilinear
+  elements, integrated at the midpoints of their edges, have the same energy as linear elements on right triangles. The
+  flow through the network of corners is therefore an upper bound.
+- *centres*: the flux is continuous, and the pressures at the centres of the rectangles are the unknowns. A link between
+  two centres consists of half of each rectangle in series, so that its conductance is the harmonic mean of the
+  conductances of the two rectangles. The links are equivalent to lowest-order Raviart-Thomas fluxes, integrated at the
+  corners. The flow through the network of centres is therefore a lower bound.
 
-The value is √(lower × upper). The two networks are duals of each other. If the distribution of ln k is symmetric, their
-errors in ln Q are therefore equal and opposite. Both networks are five-point stencils, which multigrid and elimination
-can solve: this is the fast path for seals. The plain path assembles the same two systems with scikit-fem on the mesh
-(`flow.mesh`), and also accepts all other permeabilities. Tests assert that both paths give the same flow.
+The computed flow Q is √(lower bound × upper bound). The network of corners and the network of centres are duals of each
+other. If the distribution of ln k is symmetric, the errors of the two networks in ln Q are therefore equal and
+opposite. The network of corners and the network of centres are five-point stencils, which the fast solvers (multigrid
+and elimination) can solve. The module `flow.mesh` assembles the matrices of both networks with scikit-fem, and also
+accepts other permeabilities and meshes. Tests assert that `flow.rectangles` and `flow.mesh` give the same flow.
 
 Sources: Dirichlet's and Thomson's principles; Keller, J. Math. Phys. 5, 1964, 548 (duality); Russell & Wheeler, in
 Ewing (ed.), The Mathematics of Reservoir Simulation, SIAM 1983, ch. 2 (quadrature of Raviart-Thomas fluxes).
@@ -51,14 +53,14 @@ _ROUNDING = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Rectangles:
-    """Grid of rectangles, with rows from the inlet to the outlet and columns of equal width, periodic along x2.
+    """Grid of rectangles between the inlet and the outlet, periodic along x2, with columns of equal width.
 
     The rectangles are numbered row by row, beginning at the inlet.
 
     Parameters
     ----------
     lines : array (n1 + 1,), coordinates x1 of the lines between the rows, increasing from the inlet to the outlet.
-    period : length of the field along x2.
+    period : length of the grid along x2, after which the grid repeats.
     columns : number n2 of columns.
     """
 
@@ -72,7 +74,7 @@ class Rectangles:
         return self.lines.size - 1, self.columns
 
     def networks(self, k1: Array, k2: Array) -> tuple[Stencil, Stencil]:
-        """Build the network of the corners and the network of the centres of the rectangles.
+        """Build a network of links between the corners, and a network of links between the centres of the rectangles.
 
         Parameters
         ----------
@@ -102,10 +104,11 @@ class Rectangles:
     ) -> DarcyFlow:
         """Solve the flow for a unit potential drop.
 
-        Two networks are solved, whose energy Σ c (Δφ)² is equal to their conductance. The conductance of the network of
-        corners is an upper bound of the conductance of the seal, and that of the network of centres a lower bound. Each
-        network is the dual of the other, so that their errors are about equal in the logarithm. Therefore the geometric
-        mean of both is returned.
+        The flow is solved in the network of corners and in the network of centres. The conductance of each network is
+        equal to the energy Σ c (Δφ)² of its potential φ. The conductance of the network of corners is an upper bound of
+        the conductance of the seal, and the conductance of the network of centres is a lower bound. The two networks
+        are duals of each other, so that the logarithms of the two conductances have about equal and opposite errors.
+        The result is therefore the geometric mean of the two conductances.
 
         Parameters
         ----------
@@ -115,8 +118,8 @@ class Rectangles:
 
         Returns
         -------
-        DarcyFlow with the potential at the corners, array (n1 + 1, n2). Rectangles that only share a corner do not
-        count as connected.
+        DarcyFlow with the potential at the corners of the rectangles, array (n1 + 1, n2). Nothing flows between two
+        rectangles that only share a corner.
 
         Raises
         ------
@@ -156,7 +159,7 @@ class Rectangles:
 
     @cached_property
     def plain_mesh(self) -> Mesh:
-        """Mesh of the rectangles that is not periodic, with separate vertices on its first and its last line."""
+        """Mesh of the rectangles without periodicity, with separate vertices on the first line and on the last line."""
         lines2 = np.linspace(0.0, self.period, self.columns + 1)
         grid = MeshQuad.init_tensor(self.lines, lines2)
         # scikit-fem begins each element with its edge along x2; in this order it begins with its edge along x1

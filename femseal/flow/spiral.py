@@ -1,15 +1,17 @@
 """Compute the flow along x1 through a face with spiral grooves, which advance by the lead in each turn of the seal.
 
-After one turn around the seal, over the circumference C, a groove has moved along x1 by the lead and takes the position
-of another groove. A face that covers a full turn therefore satisfies p(x1, x2 + C) = p(x1 + lead, x2).
+After one turn around the seal, whose circumference is C, a groove has advanced along x1 by the lead, and continues in
+another groove of the face. If the face covers a full turn, the pressure p therefore satisfies
+p(x1, x2 + C) = p(x1 + lead, x2).
 
-A face may also cover only a part of a turn, L2 < C. Along a groove, the pressure then drops by the fraction w = L2/C of
-its drop along a full turn. The flux through the seam, from the last column of the
-face to the first one, is its conductance times p(x1, L2) − p(x1, 0) + w (P − P₊). P is the mean of p(·, 0) over the
-groove, and P₊ its mean over the groove that lies one lead further along x1. With this condition the system remains
-symmetric. Of the flux that leaves a groove over the seam, the fraction w enters the next groove. If the lands between
-the grooves are closed, the permeability is k22 tan²α with tan α = lead/C. Grooves begin at the inlet and end at the
-outlet.
+A face may also cover only a part of a turn, L2 < C. The pressure drop along a groove of the face is then the fraction
+w = L2/C of the pressure drop along a full turn of the groove. The seam is the line between the last column of the face
+and the first column. The pressure drop over a link of the seam is p(x1, L2) − p(x1, 0) + w (P − P₊). P is the mean of
+the pressure p(x1, 0) over the rows x1 of a groove. P₊ is the mean of the pressure p(x1, 0) over the rows of the next
+groove, which lies one lead further along x1. With this pressure drop over the seam, the matrix remains symmetric. The
+fraction w of the flux that leaves a groove over the seam enters the next groove. If the lands between the grooves are
+closed, the permeability of the face along x1 is k22 tan²α, with tan α = lead/C and the permeability k22 along x2.
+Grooves begin at the inlet and end at the outlet.
 
 Source: Geoffroy & Prat, J. Fluids Eng. 126, 2004, 48.
 """
@@ -32,24 +34,24 @@ from .problem import unit_spacing
 from .solvers.direct import Ends
 from .solvers.sparse import solve_sparse
 
-#: Smallest fraction w that is solved. For smaller ones, whose solution would suffer from rounding errors, the result is
-#: extrapolated: the flow along the grooves is proportional to w².
+#: Smallest fraction w for which the flow is solved. For a smaller w, rounding errors would spoil the solution, and the
+#: flow is extrapolated: the flow along the grooves is proportional to w².
 _LEAST_WEIGHT = 3e-5
 #: Relative change of the flow below which the flow along the spiral is neglected.
 LEAST_EFFECT = 5e-3
 #: Relative error of the potential in the energy norm.
 _RTOL = 1e-4
-#: Largest relative difference between inflow and outflow. The relative error of the flow, which is computed as an
-#: energy, is about the square of it.
+#: Largest relative difference between inflow and outflow. The flow is computed as an energy, whose relative error is
+#: about the square of this difference.
 _IMBALANCE = 1e-2
 
 
 class _SeamLink(NamedTuple):
-    """A link over the seam, from the last column of a face to the first one.
+    """A link over the seam, from the last column of a face to the first column.
 
     conductance : conductance of the link.
-    weights : the potential drop over the link is a sum of potentials times these factors, whose keys are the numbers of
-        the nodes.
+    weights : dictionary of factors w_i, whose keys are the numbers i of nodes. The potential drop over the link is the
+        sum Σ w_i φ_i over the potentials φ_i of the nodes.
     """
 
     conductance: float
@@ -62,7 +64,8 @@ class Spiral:
 
     Attributes
     ----------
-    lead : advance of a groove in one turn [m]: the distance between adjacent grooves times the number of starts.
+    lead : distance by which a groove advances along x1 in one turn [m], that is, the distance between adjacent grooves
+        times the number of starts.
     circumference : circumference of the seal [m]; None if the face covers exactly one turn.
     """
 
@@ -70,28 +73,34 @@ class Spiral:
     circumference: float | None = None
 
     def tangent(self, length: float) -> float:
-        """Return the slope tan α of the grooves relative to x2, for a face with a given length along x2 [m]."""
+        """Return tan α, where α is the angle between the grooves and x2.
+
+        length : length of the face along x2 [m], used as the circumference if the face covers exactly one turn.
+        """
         return self.lead / (self.circumference or length)
 
     def seam(self, shape: tuple[int, int], spacing: tuple[float, float]) -> tuple[int, float]:
-        """Compute the lead in pixels, and the fraction w of a turn that a face with this grid covers.
+        """Compute the lead in pixels, and the fraction w of a turn that a face covers.
 
-        The lead is rounded to at least one full pixel. If the face is shorter than a turn, w is adjusted to make up for
-        this rounding.
+        The lead is rounded to a whole number of pixels, at least 1. If the face covers less than a turn, w is
+        multiplied by the ratio of the exact lead to the rounded lead, so that the slope of the grooves remains exact.
+
+        shape : numbers of pixels of the face along x1 and x2.
+        spacing : lengths of a pixel along x1 and x2 [m].
 
         Raises
         ------
         InputError : the face is longer than a turn, or its width along x1 is not larger than the lead.
         """
         length = shape[1] * spacing[1]
-        breadth = shape[0] * spacing[0]
+        width = shape[0] * spacing[0]
         turn = length if self.circumference is None else self.circumference
         if turn < length * (1 - 1e-9):
             given = f"{to_text(turn, 'm', 3)} around a face {to_text(length, 'm', 3)} long"
             raise InputError("lay.circumference", given, "at least the length of the face")
-        if self.lead >= breadth:
-            given = f"{to_text(self.lead, 'm', 3)} on a face {to_text(breadth, 'm', 3)} broad"
-            raise InputError("lay.lead", given, "less than the breadth")
+        if self.lead >= width:
+            given = f"{to_text(self.lead, 'm', 3)} on a face {to_text(width, 'm', 3)} wide"
+            raise InputError("lay.lead", given, "less than the width of the face")
         pixels = max(1, round(self.lead / spacing[0]))
         if turn <= length * (1 + 1e-9):
             return pixels, length / turn
@@ -108,13 +117,13 @@ def spiral_flow(
     gap : array (n1, n2), gap of a face that is periodic along x2 [m].
     spacing : lengths of a pixel [m].
     spiral : lead of the grooves and circumference of the seal.
-    potential_without_lead : array (n1, n2), potential at the pixels if the grooves had no lead, that is, if they were
-        closed rings. It is 1 at the inlet, 0 at the outlet, and NaN in contact and in pockets.
+    potential_without_lead : array (n1, n2), potential at the pixels, computed for grooves without a lead, that is, for
+        closed rings. The potential is 1 at the inlet, 0 at the outlet, and NaN in contact and in pockets.
 
     Returns
     -------
-    Permeability [m³], and the potential (n1, n2), which is NaN where no open path leads to both ends. None is returned
-    if the lead changes the flow by less than 0.5 %.
+    Permeability [m³], and potential at the pixels (n1, n2). Pixels that are not connected to both the inlet and the
+    outlet have the potential NaN. If the lead changes the flow by less than 0.5 %, the function returns None.
 
     Raises
     ------
@@ -171,7 +180,7 @@ def spiral_flow(
 
 
 def _drop_matrix(links: list[_SeamLink], nodes: int) -> sp.csr_array:
-    """Build the matrix (links, nodes) that gives the drop over each link from the potentials of the nodes."""
+    """Build the matrix (links, nodes) that yields the drop over each link from the potentials of the nodes."""
     link_numbers = []
     node_numbers = []
     values = []
@@ -187,9 +196,11 @@ def _drop_matrix(links: list[_SeamLink], nodes: int) -> sp.csr_array:
 def _links_of_full_turn(gap: Array, aspect: float, shift: int) -> list[_SeamLink]:
     """Make the links across the seam of a face that covers a full turn.
 
-    Each link connects a row of the last column to the row of the first column that lies `shift` rows further on. The
-    first rows of the first column are linked to the inlet, and the last rows of the last column to the outlet.
+    Row i of the last column is linked to row i + shift of the first column, where `shift` is the lead in pixels. The
+    first `shift` rows of the first column are linked to the inlet, and the last `shift` rows of the last column to the
+    outlet.
 
+    gap : array (n1, n2), gap divided by the largest gap.
     aspect : ratio of the pixel lengths Δ1/Δ2.
     """
     n1, n2 = gap.shape
@@ -211,10 +222,12 @@ def _links_of_full_turn(gap: Array, aspect: float, shift: int) -> list[_SeamLink
 def _links_of_partial_turn(
     cut: Stencil, conductance: Array, shift: int, weight: float
 ) -> list[_SeamLink]:
-    """Make the links across the seam of a face that covers only the fraction `weight` of a turn.
+    """Make the links across the seam of a face that covers less than a full turn.
 
-    cut : network of the face, which is cut at the seam: it has no links from the last column to the first one.
-    conductance : array (n1,), conductance of each row of the seam without a lead.
+    cut : network of the face without links over the seam, that is, from the last column to the first column.
+    conductance : array (n1,), conductance of the link over the seam in each row, for grooves without a lead.
+    shift : lead in pixels.
+    weight : fraction w of a turn that the face covers.
     """
     n1 = conductance.size
     n2 = cut.along.shape[1]
@@ -249,7 +262,10 @@ def _links_of_partial_turn(
 
 
 def _grooves(conductance: Array, shift: int) -> list[Indices]:
-    """Group adjacent rows at which the seam is open; divide groups with more rows than the lead."""
+    """Group adjacent rows with an open link over the seam into grooves.
+
+    A group with more than `shift` rows, which is longer than the lead, is divided into several grooves.
+    """
     open_rows = np.flatnonzero(conductance > 0)
     groups = np.split(open_rows, np.flatnonzero(np.diff(open_rows) > 1) + 1)
     grooves = []
@@ -261,16 +277,24 @@ def _grooves(conductance: Array, shift: int) -> list[Indices]:
 
 
 def _drop_to_next_groove(rows: Indices, conductance: Array, label: Indices, shift: int) -> Array:
-    """Compute the mean drop P − P₊ from a groove to the next one, as factors (n1 + 1,) of the pressures in column 0.
+    """Compute the factors f_i of the pressure drop P − P₊ = Σ f_i p_i from a groove to the next groove.
 
-    The drop is the same for all rows of a groove; otherwise fluid would circulate between them. The last factor is that
-    of the outlet. The next groove lies one lead further along x1. If several connected components reach the seam there,
-    the one with the largest conductance is taken. If the seam is closed there, the groove has no continuation, and all
-    factors are 0.
+    P and P₊ are means over all rows of a groove, because fluid would circulate between the rows if each row had its own
+    pressure drop. The next groove lies one lead further along x1. If rows of several connected components are open at
+    this position, the component with the largest conductance is the next groove. If no row is open at this position,
+    the groove does not continue, and all factors are 0.
 
-    rows : rows of the groove.
-    conductance : array (n1,), conductance of each row of the seam.
-    label : array (n1, n2), connected component of each pixel.
+    Parameters
+    ----------
+    rows : numbers of the rows of the groove.
+    conductance : array (n1,), conductance of the link over the seam in each row.
+    label : array (n1, n2), number of the connected component of each pixel.
+    shift : lead in pixels.
+
+    Returns
+    -------
+    Array (n1 + 1,), factors of the pressures in the n1 rows of the first column, and factor of the pressure at the
+    outlet.
     """
     n1 = conductance.size
     drop = np.zeros(n1 + 1)
@@ -295,13 +319,16 @@ def _drop_to_next_groove(rows: Indices, conductance: Array, label: Indices, shif
 
 
 def _solve_between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, Flags]:
-    """Solve for the potential of all nodes, with 1 in the first n2 nodes (inlet) and 0 in the last n2 nodes (outlet).
+    """Solve for the potential of all nodes of a network between inlet and outlet.
 
-    Nodes that are connected to one end only take its potential, and pockets take 0.
+    The first n2 nodes are the inlet with the potential 1, and the last n2 nodes the outlet with the potential 0. Nodes
+    that are connected to the inlet only have the potential 1. Nodes that are connected to the outlet only, and nodes in
+    pockets, have the potential 0.
 
     Returns
     -------
-    Potential of the nodes, and flags of the nodes that are connected to both ends. If there are none, nothing flows.
+    Potential of each node, and flags of the nodes that are connected to both inlet and outlet. If no node is connected
+    to both, nothing flows.
     """
     nodes = matrix.shape[0]
     _, label = connected_components(matrix, directed=False)

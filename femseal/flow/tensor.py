@@ -21,15 +21,15 @@ from .problem import (
 )
 from .solvers.sparse import solve_sparse
 
-#: Relative tolerances, in the energy norm, of the solution for the corrections, and of a second solution for the
-#: residual that the first one has left.
+#: Relative tolerances in the energy norm: of the first solution for the corrections, and of a second solution for the
+#: residual that the first solution has left.
 _RTOLS = 1e-9, 1e-2
 
 
 class _Components(NamedTuple):
     """Connected components of a doubly periodic network.
 
-    label : array (nodes,), number of the component of each node.
+    label : array (nodes,), number of the connected component of each node.
     percolates : flags (components, 2), whether a component percolates along each axis.
     """
 
@@ -40,9 +40,8 @@ class _Components(NamedTuple):
 class _PeriodicLinks(NamedTuple):
     """Open links of a doubly periodic network.
 
-    start, end : arrays (links,), numbers of both nodes.
-    crossings : array (links, 2), how often the link crosses the periodic boundary of each axis on its way from `start`
-        to `end`.
+    start, end : arrays (links,), number of the first node and number of the second node of each link.
+    crossings : array (links, 2), how often each link crosses the periodic boundary of each axis, from `start` to `end`.
     """
 
     start: Indices
@@ -60,10 +59,11 @@ def permeability_tensor(
 ) -> Array:
     """Compute the permeability tensor of a doubly periodic cell.
 
-    The tensor K gives the mean flux −K∇p for a mean pressure gradient ∇p. It follows from the periodic corrections χ_a
-    of the pressure: K_ab = (1/|Ω|) ∫ h³/12 (e_a + ∇χ_a)·(e_b + ∇χ_b). It is symmetric, and exactly 0 along an axis
-    along which no open path crosses the periodic cell. It differs from the result of `cell_permeability`, for which the
-    pressure is constant along inlet and outlet.
+    The tensor K gives the mean flux −K∇p for a mean pressure gradient ∇p. The components of K are K_ab = (1/|Ω|) ∫
+    h³/12 (e_a + ∇χ_a)·(e_b + ∇χ_b), where |Ω| is the area of the cell, e_a the unit vector along axis a, and χ_a the
+    periodic correction of the pressure for a mean gradient e_a. The tensor K is symmetric. If no open path crosses the
+    periodic cell along an axis, all components of K for this axis are exactly 0. K differs from the result of
+    `cell_permeability`, which is computed for a constant pressure along the inlet and along the outlet.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def permeability_tensor(
     Raises
     ------
     InputError : the gap is negative, undefined or not two-dimensional, or the solver is unknown.
-    NotConverged : rounding errors are too large. This may happen if adjacent gaps differ by a factor of 1e4 or more.
+    NotConverged : rounding errors are too large, which may happen if adjacent gaps differ by a factor of 1e4 or more.
 
     Examples
     --------
@@ -126,14 +126,22 @@ def _solve_corrections(
     closed: Flags,
     solver: str,
 ) -> tuple[Array, float]:
-    """Solve for the periodic corrections of the pressure, and compute the energies (2, 2) of unit mean gradients.
+    """Solve for the periodic corrections of the pressure due to unit mean gradients along the two axes.
 
-    The relative error is also returned. It is the difference between energy and mean flux, or between two successive
-    solutions, whichever is smaller.
-
-    label : array (nodes,), component of each node.
+    Parameters
+    ----------
+    stencil : conductances of the links between the nodes.
+    spacing : lengths of a pixel along x1 and x2.
+    label : array (nodes,), number of the connected component of each node.
     carries_flow : flags (n1, n2) of the nodes that carry flow.
     closed : flags (2,) of the axes along which nothing flows.
+    solver : name of the linear solver.
+
+    Returns
+    -------
+    Array (2, 2) with the energies of the unit mean gradients, and relative error of the energies. The error is
+    estimated in two ways, and the smaller estimate is returned: the difference between the energy and the mean flux,
+    and the difference between the energies of two successive solutions.
     """
     size = carries_flow.size
     both_axes = stencil.links()
@@ -180,14 +188,15 @@ def _solve_corrections(
 
 
 def _percolating_components(c1: Array, c2: Array) -> _Components:
-    """Find the connected components of a doubly periodic network, and the axes along which each of them percolates.
+    """Find the connected components of a doubly periodic network, and the axes along which each component percolates.
 
-    A component percolates along an axis if it contains a closed loop that crosses the periodic boundary of this axis,
-    where crossings in opposite directions cancel. To find such loops, the crossings on the path from the root of a
-    spanning tree to each node are counted. A link closes such a loop unless the counts at its two nodes differ by
-    exactly the crossings of the link itself.
+    A component percolates along an axis if it contains a closed loop that crosses the periodic boundary of the axis;
+    crossings in opposite directions cancel. To find a percolating loop, the crossings on the path from the root of a
+    spanning tree to each node are counted. Let n_a and n_b be the counts at two nodes a and b. A link from a to b
+    closes a percolating loop unless n_b − n_a is equal to the number of crossings of the link.
 
-    c1, c2 : arrays (n1, n2), conductances from node (i, j) to the nodes (i + 1, j) and (i, j + 1), periodic.
+    c1 : array (n1, n2), conductance of the link from node (i, j) to node (i + 1, j); the rows are periodic.
+    c2 : array (n1, n2), conductance of the link from node (i, j) to node (i, j + 1); the columns are periodic.
     """
     links = _open_periodic_links(c1, c2)
     graph = sp.coo_array(
@@ -202,7 +211,7 @@ def _percolating_components(c1: Array, c2: Array) -> _Components:
 
 
 def _open_periodic_links(c1: Array, c2: Array) -> _PeriodicLinks:
-    """List the links with a conductance > 0; parameters as in `_percolating_components`."""
+    """List the links with a conductance > 0 of a doubly periodic network, see `_percolating_components`."""
     node = np.arange(c1.size).reshape(c1.shape)
     start = []
     end = []
@@ -219,23 +228,24 @@ def _open_periodic_links(c1: Array, c2: Array) -> _PeriodicLinks:
 
 
 def _first_nodes(label: Indices) -> Indices:
-    """Return the first node of each component."""
+    """Return the node with the lowest number in each component."""
     _, first = np.unique(label, return_index=True)
     return first
 
 
 def _crossings_from_roots(links: _PeriodicLinks, roots: Indices, n: int) -> Indices:
-    """Count how often the path from the root of a spanning tree to each node crosses each periodic boundary.
+    """Count the crossings of the periodic boundaries on the path from the root of a spanning tree to each node.
 
     Parameters
     ----------
     links : open links of the network.
-    roots : one node of each component, at which its tree begins.
+    roots : root of the spanning tree of each connected component.
     n : number of nodes.
 
     Returns
     -------
-    Array (n + 1, 2), number of crossings of the boundary of each axis. Crossings in the negative direction count as −1.
+    Array (n + 1, 2), number of crossings of the periodic boundary of each axis. A crossing in the negative direction
+    counts as −1. Row n belongs to an additional node, which is linked to all roots.
     """
     # an additional node n is linked to the roots, so that a single search finds the trees of all components
     i = np.concatenate([links.start, np.full(roots.size, n)])

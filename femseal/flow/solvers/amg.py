@@ -1,9 +1,10 @@
-"""Solve the sparse systems of the plain path by conjugate gradients with the algebraic multigrid of pyamg.
+"""Solve sparse linear systems of flow problems by conjugate gradients with the algebraic multigrid of pyamg.
 
-Ruge–Stüben multigrid is the preconditioner. Its interpolation preserves constants if the rows of the matrix sum to
-zero. For this reason the matrix is not scaled to unit diagonal: the rows of the scaled matrix do not sum to zero, and
-with strongly varying permeabilities the iteration would take ten times as long or diverge. For the same reason, the
-coarsening has a second pass. Some elements have positive couplings; only negative ones count as strong.
+Ruge–Stüben multigrid is the preconditioner. The interpolation of Ruge–Stüben multigrid preserves constants if the rows
+of the matrix sum to zero. The matrix is therefore not scaled to unit diagonal: the rows of the scaled matrix would not
+sum to zero, and with strongly varying permeabilities the iteration would take ten times as long or diverge. To preserve
+constants, the coarsening also has a second pass. Some finite elements have positive off-diagonal entries; only negative
+off-diagonal entries count as strong couplings.
 
 Sources: Ruge & Stüben, in McCormick (ed.), Multigrid Methods, SIAM 1987, ch. 4; Bell, Olson, Schroder & Southworth,
 J. Open Source Softw. 8, 2023, 5495 (pyamg).
@@ -24,14 +25,14 @@ _COARSEST = 500
 _MAX_ITERATIONS = 100
 #: Largest number of corrections, each a solution for the remaining residual.
 _MAX_CORRECTIONS = 3
-#: Largest relative difference between inflow and outflow for a unit drop: the first number, or the second one times
-#: the tolerance of the potential, whichever is larger.
+#: Largest relative difference between inflow and outflow for a unit potential drop: `_IMBALANCE`, or
+#: `_IMBALANCE_BY_TOLERANCE` times the tolerance of the potential, whichever is larger.
 _IMBALANCE, _IMBALANCE_BY_TOLERANCE = 1e-6, 3e-3
 #: Row sums below this fraction of the diagonal are treated as rounding errors.
 _ROUNDING = 16 * np.finfo(float).eps
-#: The iteration stops when the estimated error is below the first fraction of the tolerance. The error is then
-#: estimated again from the residual of x itself, and must be below the second fraction. In random cells the estimates
-#: were too small by a factor of up to 4.
+#: The iteration stops when the estimated error is below `_STOPPING` times the tolerance. The error is then estimated
+#: again from the residual of x itself, and must be below `_CONFIRMED` times the tolerance. In random cells the
+#: estimates were too small by a factor of up to 4.
 _STOPPING, _CONFIRMED = 0.1, 0.3
 #: Smallest relative error of the potential in the energy norm that can be resolved.
 _LEAST_ERROR = 1e-12
@@ -40,21 +41,22 @@ _LEAST_ERROR = 1e-12
 def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) -> LinearSolution:
     """Solve A x = b by conjugate gradients, preconditioned by algebraic multigrid.
 
-    The iteration stops when the estimate rᵀM⁻¹r of the squared error in the energy norm, with the preconditioner M, is
-    below (rtol/10)² times the energy. For a unit drop, the sum of the residuals, which is the difference between inflow
-    and outflow, must also be below 1e-6 times the flow, or 0.003 rtol times the flow if this is larger. Both conditions
-    are then checked with the residual of x itself. It is computed from differences of x, so that large entries of A do
-    not hide small ones. The result is reproducible: no random numbers are used.
+    With the residual r and the preconditioner M, the squared error in the energy norm is estimated as rᵀM⁻¹r. The
+    iteration stops when this estimate is below (rtol/10)² times the energy. For a flow with a unit potential drop, the
+    difference between inflow and outflow, Σr, must also be small enough: below 1e-6 or 0.003 rtol times the flow,
+    whichever is larger. After the iteration, the residual is computed again from x itself, and both stopping conditions
+    are checked again. The residual is computed from differences of x, so that large entries of A do not hide small
+    entries. The result is reproducible, because no random numbers are used.
 
     Parameters
     ----------
     matrix : sparse matrix A (n, n), symmetric and positive semidefinite. A row may be zero if its entry of b is 0, too.
     rhs : right-hand sides b, array (n,) or (n, m).
-    rtol : largest relative error of x in the energy norm. The relative error of the energy is the square of this error;
-        for a unit drop, this is also the relative error of the flow.
-    unit_drop : whether the system describes a flow for a unit potential drop. In this case x is a potential between 0
-        and 1, b contains the conductances to the end with the potential 1, and the energy is the flow Σb − b·x.
-        Otherwise the energy is b·x.
+    rtol : largest relative error of x in the energy norm. The relative error of the energy, and of the flow for a unit
+        potential drop, is at most rtol².
+    unit_drop : whether the system describes a flow for a unit potential drop. If true, x is a potential between 0 and
+        1, b contains the conductances to the boundary with the potential 1, and the energy is the flow Σb − b·x. If
+        false, the energy is b·x.
 
     Returns
     -------
@@ -62,7 +64,7 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
 
     Raises
     ------
-    NotConverged : the iteration did not converge, or its error estimate was not confirmed.
+    NotConverged : the iteration did not converge, or the second error estimate was too large.
     """
     a = sp.csr_matrix(matrix, copy=True)
     a.sum_duplicates()
@@ -94,7 +96,7 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
 
 
 class _System:
-    """A matrix with its multigrid hierarchy."""
+    """A matrix with the hierarchy of its multigrid preconditioner."""
 
     def __init__(self, matrix: sp.csr_matrix) -> None:
         from pyamg import ruge_stuben_solver
@@ -128,13 +130,14 @@ class _System:
     def solve(self, b: Array, rtol: float, unit_drop: bool) -> LinearSolution:
         """Solve for one right-hand side, see `solve_amg`.
 
-        For a unit drop, x is stored as the sum of an integer, 0 or 1, and a fraction. Both x and 1 − x can then be
-        computed with a small relative error.
+        For a unit potential drop, x is stored as the sum of an integer, 0 or 1, and a fraction, so that both x and 1 −
+        x can be computed with a small relative error.
         """
         if not b.any():
             return LinearSolution(np.zeros_like(b), np.ones_like(b), 0, 0.0, "amg")
-        # The sum of a row is the conductance between its node and the ends. If the node is linked to no end except the
-        # inlet, the sum is known exactly from b. Differences of the size of rounding errors are removed.
+        # The sum of a row is the conductance between its node and the boundaries. If the node is linked to no boundary
+        # except the inlet, the exact sum is the entry of b. Sums that differ from b by no more than rounding errors are
+        # therefore replaced by b.
         at_inlet = b if unit_drop else np.zeros_like(b)
         sums = np.where(np.abs(self.sums - at_inlet) <= self.rounding, at_inlet, self.sums)
         integer = np.zeros_like(b)
@@ -174,7 +177,7 @@ class _System:
     ) -> tuple[Array, int]:
         """Solve A y = r by preconditioned conjugate gradients; return y and the number of iterations.
 
-        start : present value of x; y is added to it.
+        start : value of x before the correction y is added.
         """
         a = self.matrix
         correction = np.zeros_like(r)

@@ -1,8 +1,8 @@
-"""Solve the flow through a stencil for a unit potential drop: choose the solver, and check its solution.
+"""Choose a solver for the flow through a network of links, solve the flow, and check the solution.
 
-Multigrid is used for large networks with smooth conductances. Elimination is used for all others, for long pixels, and
-if multigrid does not converge. Nodes that are not connected to both ends are left out; without an open path the flow is
-exactly 0.
+Multigrid is used for large networks with smooth conductances. Elimination is used for small networks, for rough
+conductances, for elongated pixels, and if multigrid does not converge. Nodes that are not connected to both the inlet
+and the outlet are left out. If there is no open path from the inlet to the outlet, the flow is exactly 0.
 """
 
 from __future__ import annotations
@@ -23,36 +23,39 @@ from .multigrid import BOUNDED_FROM, COARSEST_NODES, coarsest_nodes, solve_multi
 
 #: Largest number of nodes of a network for which elimination may be the first choice (about 4 GB at the limit).
 ELIMINATED_NODES = 5_000_000
-#: Largest ratio of the sides of a pixel for which multigrid is used. On gaps of 64² and 128² pixels multigrid takes as
-#: long as elimination at ratios of 2.5 to 3.5, and 2 to 6 times as long at ratios of 4 to 12. At a ratio of 28 it fails
-#: in 1 of 12 cases and once had an error of 22 %. The reason is that it coarsens along both sides of the pixels, so
-#: that the slowest error components are only found late.
+#: Largest ratio of the longer to the shorter side of a pixel for which multigrid is used. On gaps of 64² and 128²
+#: pixels multigrid takes as long as elimination at ratios of 2.5 to 3.5, and 2 to 6 times as long at ratios of 4 to 12.
+#: At a ratio of 28 it fails in 1 of 12 cases and once had an error of 22 %. The reason is that multigrid coarsens the
+#: grid along both axes, so that the slowest error components are only found late.
 _LARGEST_PIXEL_RATIO = 3.5
-#: Approximate number of rows of links that are sampled to estimate this ratio and the contrast of neighbouring links.
+#: Approximate number of rows of links that are sampled to estimate the pixel ratio and the contrast of neighbouring
+#: links.
 _SAMPLED_ROWS = 64
-#: Links with a conductance below this fraction of the largest one hardly contribute to sums of conductances. At nodes
-#: that are only connected by such links, an iteration converges slowly or not at all.
+#: Links with a conductance below this fraction of the largest conductance hardly contribute to sums of conductances. At
+#: nodes that are only connected by such links, an iteration converges slowly or not at all.
 _CONTRIBUTING = 1e-8
-#: Links below this fraction are lost by rounding in sums with wide links, so that the matrix may become indefinite.
+#: Links with a conductance below this fraction of the largest conductance are lost by rounding in sums of conductances,
+#: so that the matrix may become indefinite.
 _RESOLVED = 1e-13
-#: Multigrid is tried first if there are more than _FEWEST exp(_GROWTH r) nodes, where r is the `_roughness`; a pair of
-#: an open and a closed link counts as _CLOSED in r. On 245 networks of 24² to 512² nodes (independent links and pixels,
-#: contacts, and faces cut by a plane) this choice takes 1.1 times as long on average as the faster solver.
+#: Multigrid is tried first if there are more than _FEWEST exp(_GROWTH r) nodes, where r is the result of `_roughness`.
+#: A pair of an open and a closed link contributes _CLOSED to r. On 245 networks of 24² to 512² nodes (independent links
+#: and pixels, contacts, and faces cut by a plane) this choice takes 1.1 times as long on average as the faster solver.
 _FEWEST, _GROWTH, _CLOSED = 15, 3.5, 4.0
-#: Number of iterations after which multigrid is given up if elimination is possible.
+#: Number of iterations after which multigrid is given up and elimination is used, if elimination is possible.
 _PATIENCE = 120
 #: Largest number of iterations if the caller chose multigrid, or if elimination would need too much memory.
 _MOST_ITERATIONS = 600
-#: Potential of a node without flow, by the number from `nodes_reached`: a node in a pocket, a node that is connected to
-#: the inlet only, and one that is connected to the outlet only. The potential of other nodes is computed.
-_POTENTIAL_AT_REST = np.array([np.nan, 1.0, 0.0, np.nan])
+#: Potential of a node without flow, for each result of `nodes_reached`: 0 for a node in a pocket, 1 for a node that is
+#: connected to the inlet only, and 2 for a node that is connected to the outlet only. For result 3, the potential is
+#: computed.
+_POTENTIAL_WITHOUT_FLOW = np.array([np.nan, 1.0, 0.0, np.nan])
 
 
 def elimination_memory(nodes: float) -> float:
     """Estimate the memory [byte] that the elimination of a given number of open nodes needs.
 
-    The dense fronts of nested dissection need a memory proportional to n log2 n for n nodes, with a factor of 27 to 32
-    bytes on gaps of 512² to 1448² pixels. For networks that are too large to be eliminated, 0 is returned.
+    For n nodes, the dense arrays of nested dissection need c n log2 n bytes. Measured values of c are 27 to 32, on gaps
+    of 512² to 1448² pixels. For networks that are too large for elimination, the function returns 0.
     """
     is_possible = 1 < nodes <= ELIMINATED_NODES
     return 32.0 * nodes * log2(nodes) if is_possible else 0.0
@@ -69,18 +72,22 @@ def solve_flow(
 
     Parameters
     ----------
-    stencil : conductances of the links between the nodes. The first row of nodes is the inlet, the last one the outlet.
+    stencil : conductances of the links between the nodes. The first row of nodes is the inlet, and the last row the
+        outlet.
     rtol : largest relative error of the conductance that an iterative solver may leave.
-    solver : "multigrid", "elimination" or "auto". Multigrid preconditions conjugate gradients on the grid. Star-mesh
-        elimination retains its relative accuracy even if the conductances differ by a factor of 1e150. "auto" chooses
-        multigrid for large networks with smooth conductances, and elimination otherwise or if multigrid fails.
-        If the ratio of the sides of a pixel exceeds 3.5, multigrid is slow and may miss a part of the error. Such
-        networks are solved by elimination if they have up to 5 million open nodes; for larger ones the error of
-        multigrid is bounded. `DarcyFlow.solver` names the solver that was used. After multigrid, nodes that are only
-        connected by links narrower than 1e-8 of the widest link are solved by elimination.
+    solver : "multigrid", "elimination" or "auto". The solver "multigrid" uses conjugate gradients with a multigrid
+        preconditioner. The solver "elimination" uses star-mesh elimination, whose relative error is small even if the
+        conductances differ by a factor of 1e150. "auto" chooses multigrid for large networks with smooth conductances;
+        it chooses elimination for other networks, and if multigrid fails. `DarcyFlow.solver` names the solver that was
+        used.
+        If one side of a pixel is more than 3.5 times as long as the other side, multigrid is slow and may miss a part
+        of the error. Networks with such elongated pixels are solved by elimination if they have up to 5 million open
+        nodes. If a network with elongated pixels has more open nodes, the error of multigrid is bounded rigorously.
+        Nodes that are connected to the inlet and the outlet only by paths with very narrow links (less than 1e-8 of the
+        largest conductance) are solved by elimination after multigrid.
     field_rtol : largest relative error of the potential in the energy norm; None if only the conductance is needed. The
-        error of the conductance is the square of the error of the potential. An iteration that only makes the
-        conductance accurate therefore leaves an error of about √rtol in the potential.
+        relative error of the conductance is the square of the relative error of the potential. If `field_rtol` is None,
+        an iterative solver therefore leaves an error of about √rtol in the potential.
 
     Returns
     -------
@@ -89,9 +96,9 @@ def solve_flow(
     Raises
     ------
     InputError : the solver is unknown, or a tolerance is not valid.
-    NotConverged : the solver failed, or inlet and outlet flow differ by more than 1e-5. After multigrid they may differ
-        by 10 √rtol, or by 10 field_rtol if this is given. "multigrid" also fails if links narrower than 1e-13 of the
-        widest link might carry more than `rtol` of the flow.
+    NotConverged : the solver failed, or the relative difference between inflow and outflow is larger than 1e-5. After
+        multigrid, a difference of 10 √rtol is accepted, or of 10 field_rtol if `field_rtol` is given. "multigrid" also
+        fails if links with less than 1e-13 of the largest conductance might carry more than `rtol` of the flow.
     """
     check_solver(solver, ("auto", *FAST_SOLVERS))
     validate.tolerance("rtol", rtol)
@@ -109,15 +116,15 @@ def solve_prepared(
     solver: str,
     field_rtol: float | None,
 ) -> DarcyFlow:
-    """Solve the flow through a stencil whose links have been prepared.
+    """Solve the flow through a network of links that `prepare_links` has prepared.
 
-    The prepared links are scaled by a power of two, which is undone in the conductance. For a unit potential drop, the
-    energy Σ c (Δφ)² of a network is equal to its conductance.
+    The prepared conductances are divided by 2^exponent, so that the conductance of the network is multiplied by
+    2^exponent at the end. For a unit potential drop, the conductance of a network is equal to its energy Σ c (Δφ)².
 
     Parameters
     ----------
-    links : links of the stencil, and `reached`, which says to which of the two ends each node is connected. The arrays
-        `along`, `across` and `reached` may be overwritten, to save memory.
+    links : prepared links of the network. To save memory, the arrays `along`, `across` and `reached` may be
+        overwritten.
     ring2 : whether the columns form a ring.
     rtol, solver, field_rtol : as in `solve_flow`.
     """
@@ -125,8 +132,8 @@ def solve_prepared(
     percolates = links.percolate
     has_inner_nodes = len(stencil.along) > 1
     if not (percolates and has_inner_nodes):
-        # nothing is left to solve: the potential of a node follows from the ends to which it is connected
-        potential = _POTENTIAL_AT_REST.take(links.reached)
+        # nothing is left to solve: the potential of a node is known from its connections to the inlet and the outlet
+        potential = _POTENTIAL_WITHOUT_FLOW.take(links.reached)
         potential[0] = 1.0
         potential[-1] = 0.0
         conductance = stencil.energy(np.nan_to_num(potential)) if percolates else 0.0
@@ -142,8 +149,8 @@ def _solve(
 ) -> DarcyFlow:
     """Choose a solver, and solve the flow.
 
-    keep : flags (n1 + 1, n2) of the nodes that are connected to both ends.
-    solver : name of a solver, or "auto". If multigrid is chosen by "auto" and fails, elimination is used.
+    keep : flags (n1 + 1, n2) of the nodes that are connected to both inlet and outlet.
+    solver : name of a solver, or "auto". If "auto" chooses multigrid and multigrid fails, elimination is used.
     """
     nodes = int(np.count_nonzero(keep[1:-1]))
     can_eliminate = nodes <= ELIMINATED_NODES
@@ -180,7 +187,7 @@ def _suits_multigrid(stencil: Stencil, nodes: int) -> bool:
 def _roughness(along, step):
     """Compute the mean difference of ln c of neighbouring links in every `step`-th row.
 
-    If only one of two neighbouring links is open, `_CLOSED` takes the place of their difference.
+    A pair of neighbouring links of which only one is open counts as a difference of `_CLOSED`.
     """
     total, pairs = 0.0, 1  # one additional pair avoids a division by 0
     for i in range(0, along.shape[0], step):
@@ -198,10 +205,11 @@ def _roughness(along, step):
 
 
 def _pixel_ratio(stencil: Stencil) -> float:
-    """Estimate the ratio of the longer to the shorter side of a pixel from the open links of some rows.
+    """Estimate the ratio of the longer to the shorter side of a pixel from the conductances of the open links.
 
-    The conductance of a link is proportional to its width over its length. If the gap is isotropic, the ratio of the
-    geometric means of both kinds of links is therefore the square of the ratio of the sides.
+    The conductance of a link along x1 is proportional to Δ2/Δ1, and the conductance of a link along x2 to Δ1/Δ2. If the
+    gap is isotropic, the geometric means of the conductances along x1 and along x2 therefore have the ratio (Δ2/Δ1)².
+    Only some rows of links are evaluated.
     """
     step = max(1, len(stencil.along) // _SAMPLED_ROWS)
     means = []
@@ -214,7 +222,10 @@ def _pixel_ratio(stencil: Stencil) -> float:
 
 
 def _solve_by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
-    """Solve by star-mesh elimination, and use the conductance that elimination itself gives, which is more accurate."""
+    """Solve the flow by star-mesh elimination.
+
+    The conductance is the result of the elimination, because it is more accurate than the energy of the potential.
+    """
     φ, ψ = np.zeros((2, *keep.shape))
     φ[0] = 1.0
     ψ[-1] = 1.0
@@ -230,19 +241,20 @@ def _solve_by_multigrid(
     field_rtol: float | None,
     bounded_from: int,
 ) -> DarcyFlow:
-    """Solve by multigrid, and then by elimination at the nodes that are only connected by very narrow links.
+    """Solve the flow by multigrid, and then by elimination at isolated nodes, see `_isolated_nodes`.
 
-    Multigrid leaves out links that are so narrow that rounding removes them from a sum of conductances. The flow
-    without these links is a lower bound of the flow (Rayleigh's principle). The energy of any potential on all links is
-    an upper bound (Dirichlet's principle). The error is at most the difference between the two bounds.
+    Multigrid leaves out very narrow links, whose conductances are lost by rounding in sums of conductances. The flow
+    through the network without the very narrow links is a lower bound of the flow (Rayleigh's principle). The energy of
+    any potential in the complete network is an upper bound of the flow (Dirichlet's principle). The error of the flow
+    is at most the difference between the lower bound and the upper bound.
 
     limit : largest number of iterations.
-    bounded_from : number of iterations from which on the error is bounded, see `solve_multigrid`.
+    bounded_from : number of iterations after which the error is bounded rigorously, see `solve_multigrid`.
     """
-    # nodes that multigrid cannot solve, and nodes that keep their links; both are None if multigrid can solve all nodes
+    # isolated nodes, and nodes whose links remain open for multigrid; None if multigrid can solve all nodes
     isolated: Flags | None = None
     through: Flags | None = None
-    # conductances are divided by a power of two near the largest one
+    # the largest conductance is close to 1, because `prepare_links` has scaled the conductances
     has_narrow_links = any(
         ((c > 0) & (c < _CONTRIBUTING)).any() for c in (stencil.along, stencil.across)
     )
@@ -253,7 +265,7 @@ def _solve_by_multigrid(
         solution = solve_multigrid(stencil, rtol, limit, isolated, field_rtol, bounded_from)
         potential, error = solution.potential, solution.error
         if isolated is not None:
-            # exact energy of the network without its narrow links, from below
+            # lower bound of the exact energy of the network without the very narrow links
             lower_bound = stencil.energy(potential) * (1 - error**2)
     complement = 1 - potential
     if isolated is not None:
@@ -275,14 +287,16 @@ def _solve_by_multigrid(
 
 
 def _isolated_nodes(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags | None]:
-    """Find nodes at which multigrid converges slowly or not at all, because they are only connected by narrow links.
+    """Find isolated nodes, at which multigrid converges slowly or not at all.
+
+    An isolated node is connected to the inlet and to the outlet, but each path contains a link with a conductance below
+    `_CONTRIBUTING`.
 
     Returns
     -------
-    isolated : flags (n1 − 1, n2) of these inner nodes. They are connected to both ends, but no path of wide links leads
-        to either of them.
-    through : flags (n1 + 1, n2) of the nodes that remain connected to both ends if links below `_RESOLVED` are closed.
-    Both are None if there are no isolated nodes.
+    isolated : flags (n1 − 1, n2) of the isolated inner nodes; None if there are no isolated nodes.
+    through : flags (n1 + 1, n2) of the nodes that remain connected to both inlet and outlet if all links with a
+        conductance below `_RESOLVED` are closed; None if there are no isolated nodes.
     """
     along, across = stencil.along, stencil.across
     reached_by_wide_links = nodes_reached(along, across, _CONTRIBUTING)
@@ -293,7 +307,7 @@ def _isolated_nodes(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags 
 
 
 class _Statistics(NamedTuple):
-    """Name of the solver, number of its iterations, and estimated error of the potential in the energy norm."""
+    """Name of the solver, number of iterations, and estimated relative error of the potential in the energy norm."""
 
     solver: str
     iterations: int = 0
@@ -308,15 +322,15 @@ def _check_balance(
     conductance: float | None = None,
     allowed: float = MAX_IMBALANCE,
 ) -> DarcyFlow:
-    """Check that inlet and outlet flow of a solution agree, and make a DarcyFlow from it.
+    """Check that the inflow and the outflow of a solution agree, and make a DarcyFlow from the solution.
 
     Parameters
     ----------
-    stencil : conductances between the nodes.
-    keep : flags (n1 + 1, n2) of the nodes that carry flow; the potential of all others becomes NaN.
-    potentials : arrays φ and ψ = 1 − φ at the nodes.
-    statistics : details of the solution.
-    conductance : conductance, if the solver has computed it; by default it is the energy of φ.
+    stencil : conductances of the links between the nodes.
+    keep : flags (n1 + 1, n2) of the nodes that carry flow; at all other nodes, the potential is set to NaN.
+    potentials : array with the potential φ at the nodes, and array with the complement ψ = 1 − φ.
+    statistics : solver, number of iterations and estimated error of the solution.
+    conductance : conductance that the solver has computed; by default, the energy of φ is used as the conductance.
     allowed : largest relative difference between inlet and outlet flow.
 
     Raises

@@ -2,9 +2,9 @@
 
 If the permeabilities differ by a factor of 10^n, a factorisation loses about n digits: small conductances between
 regions of large conductance are lost in the sums on the diagonal. For a flow between boundaries with prescribed
-potentials, the solution is therefore corrected by conjugate gradients. Residuals are computed from differences of the
-potential, and the solution is stored as the sum of two numbers. Tests compare with closed forms and with eliminations
-in 60 digits, for permeabilities that differ by up to 1e20.
+potentials, conjugate gradients correct this error of the solution. The residuals are computed from differences of the
+potential. The potential is stored as a rounded value plus a remainder, which doubles its number of digits. Tests
+compare with closed forms and with eliminations in 60 digits, for permeabilities that differ by up to 1e20.
 
 Sources: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., SIAM 2002, ch. 12 (iterative refinement);
 Knuth, The Art of Computer Programming 2, 3rd ed., 1997, sec. 4.2.2 (exact sums).
@@ -21,21 +21,22 @@ from scipy.sparse.linalg import splu
 
 from ...base import Array, Indices, NotConverged
 
-#: Relative error in the energy norm at which no correction is needed. Its square is the relative error of the flow.
+#: Relative error in the energy norm at which no correction is needed. The relative error of the flow is the square of
+#: this number.
 _SMALL_ERROR = 1e-10
 #: Relative error in the energy norm that is accepted if corrections do not reduce it, which happens with anisotropic
 #: tensors.
 _LARGEST_ERROR = 1e-6
 #: Largest imbalance relative to the flow.
 _LARGEST_IMBALANCE = 1e-6
-#: No further correction is made if the last one has left more than this fraction of the error.
+#: No further correction is made if the last correction has left more than this fraction of the error.
 _NO_GAIN = 0.1
-#: Largest number of corrections, and largest number of iterations for each of them.
+#: Largest number of corrections, and largest number of iterations for each correction.
 _MOST_CORRECTIONS, _MOST_ITERATIONS = 4, 100
-#: Relative error in the energy norm at which these iterations end.
+#: Relative error in the energy norm at which the iterations of a correction end.
 _LEAST_ERROR = 1e-12
-#: Number that is added to the unit diagonal if the factorisation fails because of rounding errors. It makes the matrix
-#: positive definite. The iteration then needs about one more step for each region of large conductance.
+#: Number that is added to the unit diagonal if the factorisation fails because of rounding errors. The increased
+#: diagonal makes the matrix positive definite, but costs about one more iteration for each region of large conductance.
 _SHIFT = 1e-13
 
 
@@ -46,11 +47,13 @@ class LinearSolution:
     Attributes
     ----------
     x : array (n,) or (n, m), solution.
-    complement : 1 − x. For a unit drop its relative error is small even where x is nearly 1.
+    complement : 1 − x. For a flow with a unit potential drop, the relative error of the complement is small even where
+        x is nearly 1.
     iterations : number of iterations of conjugate gradients; 0 for a direct solution.
     residual : estimated relative error in the energy norm ("amg"), or ‖b − Ax‖/‖b‖ ("direct").
     solver : name of the solver that was used, "amg" or "direct"; "none" if there was no unknown.
-    remainder : difference between the solution and its rounded value x; 0 if it is not known.
+    remainder : difference between the solution and x, which is the solution rounded to double precision; 0 if the
+        difference is not known.
     """
 
     x: Array
@@ -68,8 +71,8 @@ class Ends:
     Attributes
     ----------
     potentials : array (boundaries,), potential of each boundary.
-    conductances : array (boundaries, n), conductance between each boundary and each unknown. It must not be computed as
-        a difference of large numbers, so that small conductances are accurate.
+    conductances : array (boundaries, n), conductance between each boundary and each unknown. A conductance must not be
+        computed as a difference of large numbers, because small conductances would be inaccurate.
     """
 
     potentials: Array
@@ -81,11 +84,14 @@ class Ends:
         return np.asarray(self.conductances.sum(axis=0))
 
     def inflow(self, x: Array, remainder: Array) -> Array:
-        """Compute the flow from each boundary to each unknown, (boundaries, n), for the potential x + remainder."""
+        """Compute the flow from each boundary to each unknown, array (boundaries, n).
+
+        x, remainder : arrays (n,), whose sum is the potential of the unknowns.
+        """
         return self.conductances * ((self.potentials[:, None] - x) - remainder)
 
     def supplied_energy(self, x: Array, remainder: Array) -> float:
-        """Compute the energy supplied at the boundaries, which is equal to the energy that the flow dissipates."""
+        """Compute the energy that the boundaries supply, which is equal to the energy that the flow dissipates."""
         return float(self.potentials @ self.inflow(x, remainder).sum(axis=1))
 
 
@@ -97,15 +103,15 @@ def solve_direct(
     Parameters
     ----------
     matrix : sparse matrix A (n, n), symmetric and positive definite.
-    rhs : right-hand side b, array (n,), or (n, m) without `ends`.
+    rhs : right-hand side b, array (n,). If `ends` is None, arrays (n, m) are also possible.
     largest_residual : largest accepted value of ‖b − Ax‖/‖b‖ for the scaled system.
-    ends : boundaries with prescribed potentials, if the system describes a flow between them. The right-hand side b
-        must then be `ends.potentials @ ends.conductances`. The solution is corrected to full accuracy, even if the
+    ends : boundaries with prescribed potentials, if the system describes a flow between boundaries. If `ends` is given,
+        b must be `ends.potentials @ ends.conductances`, and the solution is corrected to full accuracy, even if the
         permeabilities differ by orders of magnitude.
 
     Raises
     ------
-    NotConverged : the factorisation failed, or its residual is too large.
+    NotConverged : the factorisation failed, or the residual of the solution is too large.
     """
     a = sp.csc_array(matrix)
     scale = 1 / np.sqrt(a.diagonal())
@@ -140,7 +146,7 @@ def factorised(matrix: sp.csc_array) -> Any:
 
 
 def two_sum(a: Array, b: Array) -> tuple[Array, Array]:
-    """Compute the rounded sum of two arrays and its rounding error; the sum of both results is exact."""
+    """Compute the rounded sum s of two arrays and its rounding error e, so that s + e is the exact sum."""
     total = a + b
     part = total - a
     return total, (a - (total - part)) + (b - part)
@@ -193,9 +199,9 @@ class _BoundaryFlow:
         )
 
     def _solve_and_correct(self, factor: Any, b: Array) -> tuple[LinearSolution, float]:
-        """Solve the system with a factorisation, and correct the solution until further corrections do not help.
+        """Solve the system with a factorisation, and correct the solution until corrections no longer reduce the error.
 
-        Also returned is the estimated relative error in the energy norm.
+        Returns the solution, and the estimated relative error of the solution in the energy norm.
         """
         x = self._preconditioned(factor, b)
         remainder = np.zeros_like(x)
@@ -223,11 +229,14 @@ class _BoundaryFlow:
         return factorised(sp.csc_array(self.scaled + shift * identity))
 
     def _preconditioned(self, factor: Any, r: Array) -> Array:
-        """Apply the factorisation of the scaled matrix to a residual of the unscaled system."""
+        """Solve the system for the right-hand side r by the factorisation of the scaled matrix, without corrections."""
         return np.asarray(self.scale * factor.solve(self.scale * r))
 
     def _between_unknowns(self, x: Array) -> Array:
-        """Compute the flow from each unknown to its neighbours from differences of x, to avoid cancellation."""
+        """Compute the total flow from each unknown to its neighbours, for the potential x.
+
+        The flow is computed from differences of x, to avoid cancellation.
+        """
         rows = self.matrix.indices
         flow = self.matrix.data * (x[self.columns] - x[rows])
         return np.asarray(np.bincount(rows, flow, len(x)))
@@ -240,7 +249,7 @@ class _BoundaryFlow:
     def _error(self, factor: Any, r: Array, x: Array, remainder: Array) -> float:
         """Estimate the relative error of x in the energy norm from the residual r.
 
-        The estimate is infinite if inflow and outflow differ too much.
+        If inflow and outflow differ too much, the estimated error is infinite.
         """
         energy = self.ends.supplied_energy(x, remainder)
         squared_error = float(r @ self._preconditioned(factor, r))
@@ -251,8 +260,9 @@ class _BoundaryFlow:
         return float(np.sqrt(squared_error / energy))
 
     def _correction(self, factor: Any, r: Array, error: float) -> Array:
-        """Compute the correction of x for a residual r by conjugate gradients, preconditioned with the factorisation.
+        """Compute a correction of x by conjugate gradients, preconditioned with the factorisation.
 
+        r : residual of x.
         error : estimated relative error of x, which determines how accurate the correction needs to be.
         """
         to_ends = self.ends.total_conductance

@@ -1,12 +1,15 @@
 """Solve networks on a grid by star-mesh elimination, which is accurate for any ratio of the conductances.
 
-The elimination of node i adds links between its neighbours: c_jk += c_ij c_ik / Σ_l c_il. There are no subtractions.
-The conductance between the ends and the potentials therefore have small relative errors, however narrow a constriction
-is. A factorisation of the assembled matrix loses this accuracy, because narrow links vanish in the diagonal sums.
+The elimination of node i adds links between its neighbours: c_jk += c_ij c_ik / Σ_l c_il. Star-mesh elimination needs
+no subtractions. The computed potentials and the conductance between inlet and outlet therefore have small relative
+errors, even if the path from inlet to outlet has a very narrow constriction. A factorisation of the assembled matrix is
+less accurate, because small conductances are lost by rounding in the sums on the diagonal.
 
-Nodes are eliminated in groups, the fronts (multifrontal method). A front is a cut of nested dissection; its nodes and
-all their neighbours are stored in one dense array. In this file, the *place* of a node is its position in the order of
-elimination. Inlet and outlet have the last two places, n and n + 1.
+Nodes are eliminated in groups called fronts (multifrontal method). A front is the set of nodes in a row or column that
+divides a box of the grid into two halves (nested dissection). The links of the nodes of a front are stored in a dense
+array. The *position* of a node is its index in the order of elimination. The n nodes of the network have the positions
+0 to n − 1; the inlet has the position n, and the outlet the position n + 1.
+
 Sources: Grassmann, Taksar & Heyman, Oper. Res. 33, 1985, 1107 (no subtractions); Duff & Reid, ACM TOMS 9, 1983, 302;
 George, SIAM J. Numer. Anal. 10, 1973, 345 (nested dissection).
 """
@@ -21,7 +24,7 @@ from ...base import Array, Flags, Indices
 from ...base.compiled import compiled, inner
 from ..grid import Stencil
 
-#: Boxes with at most this number of nodes are not cut any further.
+#: Boxes with at most this number of nodes are not divided any further.
 _LEAF = 12
 #: Number of multiplications above which a matrix product is computed by BLAS.
 _BLAS = 30_000
@@ -30,21 +33,22 @@ _fast: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contra
 
 
 def eliminate(stencil: Stencil, unknown: Flags, φ: Array, ψ: Array) -> float:
-    """Solve for the potentials of some nodes, given the potentials of all others.
+    """Solve for the potentials of some nodes, given the potentials of all other nodes.
 
-    A link to a node of known potential φ is replaced by two links, to the inlet with the fraction φ of its conductance,
-    and to the outlet with the fraction 1 − φ.
+    A link with the conductance c to a node of known potential φ is replaced by two links: a link to the inlet with the
+    conductance φ c, and a link to the outlet with the conductance (1 − φ) c.
 
     Parameters
     ----------
     stencil : conductances of all links.
-    unknown : flags (n1 − 1, n2) of the inner nodes to solve for. Each must be connected to a node of known potential.
-    φ, ψ : arrays (n1 + 1, n2), potential and 1 − potential. The solution is written to the unknown nodes of both
-        arrays.
+    unknown : flags (n1 − 1, n2) of the inner nodes to solve for. Each unknown node must be connected to a node of known
+        potential.
+    φ, ψ : arrays (n1 + 1, n2), potential φ and complement ψ = 1 − φ at the nodes. The solution is written to the
+        entries of φ and ψ that belong to unknown nodes.
 
     Returns
     -------
-    Conductance between inlet and outlet through the unknown nodes.
+    Conductance between inlet and outlet of the network that consists of the unknown nodes.
     """
     order, first, parent = _nested_dissection(unknown, stencil.ring2)
     later, links = _list_links(order, stencil.along, stencil.across, φ)
@@ -56,30 +60,31 @@ def eliminate(stencil: Stencil, unknown: Flags, φ: Array, ψ: Array) -> float:
 
 @compiled()
 def _list_links(order, along, across, φ):
-    """List, for each node in the order of elimination, its links to later nodes and to inlet and outlet.
+    """List the links of each node to nodes that are eliminated later, to the inlet and to the outlet.
 
     Parameters
     ----------
-    order : array (n,), numbers of the nodes (row · n2 + column) in the order of elimination. The place of a node is its
-        index in this array.
+    order : array (n,), numbers of the nodes (row · n2 + column) in the order of elimination. The position of a node is
+        its index in `order`.
     along : array (n1, n2), conductance between the nodes (i, j) and (i + 1, j). The nodes have n1 + 1 rows; row 0 is at
         the inlet and row n1 at the outlet.
-    across : array (n1 − 1, m2), conductance between the nodes (i + 1, j) and (i + 1, j + 1). m2 is n2 on a ring, where
-        the last column is linked to the first one, and n2 − 1 otherwise.
-    φ : array (n1 + 1, n2), potential of the nodes that are not in `order`.
+    across : array (n1 − 1, m2), conductance between the nodes (i + 1, j) and (i + 1, j + 1). On a ring, where the last
+        column is linked to the first column, m2 is n2; otherwise m2 is n2 − 1.
+    φ : array (n1 + 1, n2), potential at the nodes; only used for nodes that are not in `order`.
 
     Returns
     -------
-    later : array (n, 6), places of the nodes that are eliminated later. n stands for the inlet, n + 1 for the outlet.
-    conductance : array (n, 6), conductances of these links. A node has at most six links: to four neighbours and to
-        both ends. Unused entries at the end of a row have the conductance 0.
+    later : array (n, 6), positions of the nodes to which each node is linked: n for the inlet, n + 1 for the outlet,
+        and a smaller number for a node that is eliminated later.
+    conductance : array (n, 6), conductances of the links in `later`. A node has at most six links: to four neighbours,
+        to the inlet and to the outlet. Unused entries at the end of a row of `conductance` are 0.
     """
     n = order.size
     n2, m2 = along.shape[1], across.shape[1]
-    # place of each node; −1 for nodes of known potential, which have none
-    place = np.full((along.shape[0] + 1) * n2, -1, np.int32)
+    # position of each node; −1 for nodes of known potential, which are not eliminated
+    position = np.full((along.shape[0] + 1) * n2, -1, np.int32)
     for a in range(n):
-        place[order[a]] = a
+        position[order[a]] = a
     later = np.empty((n, 6), np.int32)
     conductance = np.zeros((n, 6))
     for a in range(n):
@@ -100,10 +105,10 @@ def _list_links(order, along, across, φ):
         to_outlet = 0.0
         k = 0  # number of links listed for this node
         for neighbour, c in neighbours:
-            if c > 0.0 and place[neighbour] > a:
-                later[a, k], conductance[a, k] = place[neighbour], c
+            if c > 0.0 and position[neighbour] > a:
+                later[a, k], conductance[a, k] = position[neighbour], c
                 k += 1
-            elif c > 0.0 and place[neighbour] < 0:
+            elif c > 0.0 and position[neighbour] < 0:
                 # a known potential φ acts like links to the inlet (fraction φ) and to the outlet (fraction 1 − φ)
                 known = min(max(φ[neighbour // n2, neighbour % n2], 0.0), 1.0)
                 to_inlet += c * known
@@ -117,17 +122,18 @@ def _list_links(order, along, across, φ):
 
 @compiled()
 def _nested_dissection(unknown, ring):
-    """Order the nodes by nested dissection.
+    """Order the nodes of a grid by nested dissection.
 
-    Each box is divided by a row or column near its middle, the one with the fewest nodes. Only the nodes of this cut,
-    which form a front, connect both halves of the box. They are eliminated last, after all fronts of both halves. What
-    remains of a front after elimination is added to its parent, the front of the next larger box.
+    Each box of the grid is divided into two halves by a row or column near its middle. Of these rows and columns, the
+    one with the fewest nodes is chosen; its nodes form a front. The two halves are only connected through the front,
+    which is eliminated after all nodes of the two halves. The links that the elimination of a front creates are added
+    to the parent of the front, which is the front of the next larger box.
 
     Returns
     -------
     order : array (n,), numbers of the nodes (row · n2 + column) in the order of elimination.
-    first : array (fronts + 1,), place of the first node of each front; the last entry is n.
-    parent : array (fronts,), parent of each front.
+    first : array (fronts + 1,), position of the first node of each front; the last entry is n.
+    parent : array (fronts,), number of the parent of each front.
     """
     n1, n2 = unknown.shape
     # nodes[i, j] is the number of unknown nodes in the first i rows and j columns, which gives the number in any box by
@@ -154,12 +160,12 @@ def _nested_dissection(unknown, ring):
         inside = nodes[bottom, right] - nodes[top, right] - nodes[bottom, left] + nodes[top, left]
         if inside == 0:
             continue
-        # rows low1 to high1 − 1 and columns low2 to high2 − 1 of the cut, which is the whole box if it is small
+        # the front: rows low1 to high1 − 1 and columns low2 to high2 − 1; a small box is a single front
         low1, high1, low2, high2 = top, bottom, left, right
         if inside > _LEAF:
             row, in_row = _thinnest_line(nodes, top, bottom, left, right)
             column, in_column = _thinnest_line(nodes.T, left, right, top, bottom)
-            # of two equal cuts, take the one across the longer side
+            # if the row and the column have equally many nodes, divide the longer side of the box
             if in_row < in_column or (in_row == in_column and bottom - top >= right - left):
                 low1, high1 = row, row + 1
             else:
@@ -179,66 +185,78 @@ def _nested_dissection(unknown, ring):
         if low1 > top or high1 < bottom:
             boxes.append((top, low1, left, right, above, in_ring))
             boxes.append((high1, bottom, left, right, above, in_ring))
-        elif in_ring:  # a single cut across a ring leaves a single box
+        elif in_ring:  # a ring that is divided by a single column becomes a single box
             boxes.append((top, bottom, high2 % n2, high2 % n2 + n2 - 1, above, False))
         else:
             boxes.append((top, bottom, left, low2, above, False))
             boxes.append((top, bottom, high2, right, above, False))
     first[fronts] = n
-    # reverse the fronts; places and numbers of fronts then count from the other end
+    # reverse the order of the fronts: positions of nodes and numbers of fronts are counted from the other end
     return order, n - first[fronts::-1], fronts - 1 - parent[:fronts][::-1]
 
 
 @inner()
 def _thinnest_line(nodes, first, end, left, right):
-    """Find the line with the fewest nodes in the middle third of a box, and the number of its nodes.
+    """Find the row with the fewest nodes in the middle third of a box.
 
-    Of several such lines the one nearest to the middle is taken. The lines are rows. To examine columns, pass the
-    transpose of `nodes`.
+    If several rows have equally few nodes, the row nearest to the middle is chosen. To find a column instead of a row,
+    pass the transpose of `nodes`, and exchange the ranges of rows and columns.
 
-    nodes : summed-area table: nodes[i, j] is the number of nodes in the first i lines, at the first j positions.
-    first, end : the lines of the box are `first` to `end` − 1.
-    left, right : the positions of the box along each line are `left` to `right` − 1.
+    nodes : summed-area table; nodes[i, j] is the number of unknown nodes in the first i rows and the first j columns.
+    first, end : the box consists of the rows `first` to `end` − 1.
+    left, right : the box consists of the columns `left` to `right` − 1.
+
+    Returns the row, and the number of unknown nodes of the box in this row.
     """
     middle = (first + end) // 2
     best, fewest = middle, 1 << 60
     extent = (end - first) // 6
     for k in range(2 * extent + 1):
-        line = middle + ((k + 1) // 2 if k % 2 else -(k // 2))  # middle, +1, −1, +2, −2, …
-        if first <= line < end:
-            up_to_line = nodes[line + 1, right] - nodes[line + 1, left]
-            before_line = nodes[line, right] - nodes[line, left]
-            in_line = up_to_line - before_line
-            if in_line < fewest:
-                best, fewest = line, in_line
+        row = middle + ((k + 1) // 2 if k % 2 else -(k // 2))  # middle, +1, −1, +2, −2, …
+        if first <= row < end:
+            up_to_row = nodes[row + 1, right] - nodes[row + 1, left]
+            before_row = nodes[row, right] - nodes[row, left]
+            in_row = up_to_row - before_row
+            if in_row < fewest:
+                best, fewest = row, in_row
     return best, fewest
 
 
 @compiled(**_fast)
 def _eliminate_fronts(first, parent, later, conductance):
-    """Eliminate all nodes; return the conductance between inlet and outlet, and the two potentials of `_potentials`.
+    """Eliminate all nodes, front by front.
 
-    A front has p nodes. Its border consists of the q later nodes to which these nodes are linked. The array `front` (p,
-    p + q) has the links within the front, and those from the front to the border. `fill_in` (q, q) has the new links
-    within the border, which elimination creates; they are added to the parent of the front.
+    A front has p nodes. The border of the front consists of q nodes that are eliminated later and are linked to nodes
+    of the front. The array `front` (p, p + q) contains the links within the front, and the links from the front to the
+    border. The array `fill_in` (q, q) contains the links within the border that are created by the elimination of the
+    front. The new links in `fill_in` are added to the parent of the front.
+
+    first, parent : fronts, see `_nested_dissection`.
+    later, conductance : links of each node, see `_list_links`.
+
+    Returns the conductance between inlet and outlet, and the two potentials of `_potentials`.
     """
     n, fronts = len(later), parent.size
-    # for each node, 1 over the sum of its conductances at the time of its elimination
+    # for each node, 1/Σc with the sum of the conductances c of its links at the time of its elimination
     inverse = np.empty(n)
-    # for each front: its links at the time of elimination, and the places of its border
+    # for each front: its links at the time of elimination, and the positions of the nodes in its border
     rows: list[Array] = []
     borders: list[Indices] = []
     # stack of fronts whose fill-in has not been added to their parent yet; the children of a front are on its top
     waiting: list[int] = []
     waiting_fill_in: list[Array] = []
-    last_front = np.full(n + 2, -1)  # last front in whose border a place was listed
-    listed = np.empty(n + 2, np.int64)  # places in the border of a front, not yet sorted
-    column = np.empty(n + 2, np.int64)  # column of each place in `front`
-    places = np.empty(n + 2, np.int64)  # columns of the border of a child
+    last_front = np.full(
+        n + 2, -1
+    )  # number of the last front in whose border a position was listed
+    listed = np.empty(
+        n + 2, np.int64
+    )  # positions of the nodes in the border of a front, not yet sorted
+    column = np.empty(n + 2, np.int64)  # column of `front` that belongs to each position
+    child_columns = np.empty(n + 2, np.int64)  # columns of `front` for the border of a child
     for f in range(fronts):
         start, end = first[f], first[f + 1]
         p, q, children = end - start, 0, 0
-        # list the border: later places that are linked to the nodes, and those in the borders of the children
+        # list the border: later nodes that are linked to the front, and later nodes in the borders of the children
         for a in range(start, end):
             column[a] = a - start
             for k in range(6):
@@ -254,10 +272,10 @@ def _eliminate_fronts(first, parent, later, conductance):
                     last_front[b], listed[q] = f, b
                     q += 1
             children += 1
-        border_places = listed[:q].copy()
-        border_places.sort()
+        border_positions = listed[:q].copy()
+        border_positions.sort()
         for k in range(q):
-            column[border_places[k]] = p + k
+            column[border_positions[k]] = p + k
         # add up the links of the nodes themselves and the fill-in of the children
         front = np.zeros((p, p + q))
         fill_in = np.zeros((q, q))
@@ -267,24 +285,24 @@ def _eliminate_fronts(first, parent, later, conductance):
                     break
                 front[a - start, column[later[a, k]]] += conductance[a, k]
         for _ in range(children):
-            # places are in rising order in both fronts, so that links remain in the upper triangle
+            # positions are in rising order in the front and in the child, so that links remain in the upper triangle
             block, border = waiting_fill_in.pop(), borders[waiting.pop()]
             for i in range(border.size):
-                places[i] = column[border[i]]
+                child_columns[i] = column[border[i]]
             for i in range(border.size):
-                here = places[i]
+                here = child_columns[i]
                 if here < p:
                     for j in range(i + 1, border.size):
-                        front[here, places[j]] += block[i, j]
+                        front[here, child_columns[j]] += block[i, j]
                 else:
                     for j in range(i + 1, border.size):
-                        fill_in[here - p, places[j] - p] += block[i, j]
+                        fill_in[here - p, child_columns[j] - p] += block[i, j]
         _eliminate_front(front, fill_in, inverse[start:end])
         rows.append(front)
-        borders.append(border_places)
+        borders.append(border_positions)
         waiting.append(f)
         waiting_fill_in.append(fill_in)
-    # the border of a front without parent is inlet and outlet, and its fill-in is a link between them
+    # the border of a front without parent consists of inlet and outlet, and its fill-in is a link between the two
     between_ends = 0.0
     for k in range(len(waiting_fill_in) - 1, -1, -1):
         if len(waiting_fill_in[k]) == 2:
@@ -294,12 +312,13 @@ def _eliminate_fronts(first, parent, later, conductance):
 
 @inner(**_fast)
 def _eliminate_front(front, fill_in, inverse):
-    """Eliminate the nodes of a front, and add the new links within its border to `fill_in`.
+    """Eliminate the nodes of a front, and add the links that this creates within the border to `fill_in`.
 
-    Each link is stored only once, in the row of the node that is eliminated first. Both arrays are therefore upper
-    triangular.
+    Each link is stored only once, in the row of the node that is eliminated first. The arrays `front` and `fill_in` are
+    therefore upper triangular.
 
-    inverse : array (p,), to which 1 over the sum of the conductances of each node is written.
+    inverse : array (p,) for a result: 1/Σc for each node, with the sum of the conductances c of its links at the time
+        of its elimination.
     """
     p, q = inverse.size, len(fill_in)
     # Star-mesh elimination of node i adds the link c_ij c_ik / Σ_l c_il between its neighbours j and k. First, the new
@@ -333,14 +352,16 @@ def _eliminate_front(front, fill_in, inverse):
 
 @inner(**_fast)
 def _potentials(first, rows, borders, inverse):
-    """Compute two potentials at all places: v for 1 at the inlet, w for 1 at the outlet, and 0 at the other end.
+    """Compute the potential v, which is 1 at the inlet and 0 at the outlet, and the potential w = 1 − v.
 
-    In reverse order of elimination, the potential of a node is the weighted mean of the potentials of the neighbours
-    that it had when it was eliminated.
+    The nodes are visited in reverse order of elimination. The potential of a node is a mean of the potentials of the
+    later nodes to which it was linked at the time of its elimination, weighted with the conductances of the links. w is
+    computed in the same way as v, and not as the difference 1 − v, so that small values are accurate.
 
-    first : place of the first node of each front.
-    rows, borders : for each front, the array `front` after elimination, and the places of the nodes in its border.
-    inverse : array (n,), 1 over the sum of the conductances of each node.
+    first : position of the first node of each front.
+    rows : array `front` of each front after the elimination.
+    borders : positions of the nodes in the border of each front.
+    inverse : array (n,), 1/Σc for each node, see `_eliminate_front`.
     """
     n = inverse.size
     v = np.zeros(n + 2)

@@ -1,23 +1,26 @@
 """Build the multigrid levels of a structured grid from the conductances of the finest grid (black box multigrid).
 
-A level consists of the operator of a grid and the fields that a multigrid cycle needs on this grid. Levels are computed
-in double precision and stored in single precision. This is sufficient, because the cycle is a preconditioner.
+Each multigrid level has an operator on a grid, and the fields that a multigrid cycle needs on this grid. Levels are
+computed in double precision and stored in single precision. Single precision is sufficient, because the multigrid cycle
+is only a preconditioner.
 
-All fields have a border of one node. It contains zeros at the ends and at closed sides, and copies of the opposite side
-if the columns form a ring. The operator is stored by its diagonal, `centre`, and by conductances:
+All fields have a border of one node on each side. At the inlet, at the outlet and at closed sides, the border contains
+zeros. If the columns form a ring, the border contains copies of the nodes at the opposite side. The operator of a level
+is stored as the array `centre` with its diagonal entries, and as arrays of conductances:
 
 - `right` between the nodes (i, j) and (i, j + 1),
 - `below` between (i, j) and (i + 1, j),
 - on coarse levels, whose operator has nine points, also `below_right` between (i, j) and (i + 1, j + 1), and
   `below_left` between (i, j) and (i + 1, j − 1).
 
-The operator of the finest level has five points. Coarse node (I, J) is fine node (2I − 1, 2J − 1). The other fine nodes
-are interpolated with weights that follow from their conductances. Coarse operators are Galerkin products PᵀAP with this
-interpolation P. Source: Dendy, J. Comput. Phys. 48, 1982, 366.
+The operator of the finest level has no diagonal links (five points). Coarse node (I, J) is fine node (2I − 1, 2J − 1).
+The values at all other fine nodes are interpolated from the coarse nodes, with weights that follow from the
+conductances. Coarse operators are Galerkin products PᵀAP with this interpolation P. Source: Dendy, J. Comput. Phys. 48,
+1982, 366.
 
-On the coarsest level the nodes are eliminated one after another, row by row, without subtractions, as in `elimination`.
-Both ends are a single node with the potential 0. The banded elimination needs no further ordering, and takes a small
-part of the time of a solution as long as the level is small.
+The nodes of the coarsest level are eliminated one after another, row by row, without subtractions, as in `elimination`.
+The inlet and the outlet are a single node with the potential 0. The links are stored in a band, so that the nodes need
+no further ordering. If the coarsest level is small, its elimination takes only a small part of the solution time.
 """
 
 from __future__ import annotations
@@ -31,28 +34,29 @@ from ...base.compiled import REORDERED, by_rows, compiled, inner, leader
 
 #: Coarsening ends if an axis has at most this number of nodes.
 FEWEST = 4
-#: Coarsening also ends if a level has at most the first fraction of the open nodes of the finest level, and at most
-#: the second number of them. Eliminating them takes less time than the additional iterations that coarser levels would
-#: cause, because coarser grids do not resolve dead ends and channels.
+#: Coarsening also ends if a level has at most `_ELIMINATED` times as many open nodes as the finest level, and at most
+#: `_MOST_ELIMINATED`. The elimination of these nodes takes less time than the additional iterations that coarser levels
+#: would cause, because coarser grids do not resolve dead ends and channels.
 _ELIMINATED, _MOST_ELIMINATED = 1 / 40, 20000
 #: Largest stored inverse of a diagonal entry; the largest number in single precision is 3e38.
 _MOST_INVERSE = 1e30
-#: The difference between a diagonal entry and the sum of its conductances, which is the conductance to the ends, counts
-#: as a rounding error below this fraction of the diagonal entry.
+#: A diagonal entry less the conductances to all neighbours is the conductance to inlet and outlet. The difference
+#: counts as a rounding error if it is below this fraction of the diagonal entry.
 _ROUNDING = 1e-13
 
 
 class Level(NamedTuple):
-    """Fields of a level, each with a border of one node.
+    """Arrays of a multigrid level, each with a border of one node on each side.
 
-    links : conductances `right`, `below`, `below_right` and `below_left`; the last two have the shape (1, 1) on the
-        finest level, which has five points.
-    inverse : inverse of the diagonal; 0 at nodes without conductances.
+    links : four arrays of conductances: `right`, `below`, `below_right` and `below_left`. On the finest level, which
+        has no diagonal links, `below_right` and `below_left` have the shape (1, 1).
+    inverse : 1 over the diagonal entries of the operator; 0 at nodes without links.
     b : right-hand side of a cycle.
     x : approximate solution during a cycle.
-    r : residual during a cycle, and solution at its end.
-    weights : array (…, …, 3, 3). A node of the next coarser level has 3 × 3 weights, with which its value contributes
-        to the nodes of this level around it.
+    r : residual during a cycle, and solution at the end of the cycle.
+    weights : array (coarse rows, coarse columns, 3, 3), interpolation weights of each node of the next coarser level:
+        the value of the coarse node contributes to the fine node at the same position, and to the eight fine nodes
+        around it.
     """
 
     links: tuple[Singles, Singles, Singles, Singles]
@@ -64,13 +68,13 @@ class Level(NamedTuple):
 
 
 class Coarsest(NamedTuple):
-    """The coarsest level, whose nodes are eliminated.
+    """The coarsest level, after the elimination of all its nodes.
 
     number : array (n1, n2), position of each node in the order of elimination.
-    band : array (≥ n, width), conductances of the links from each node to the next `width` nodes, at the time when the
-        node is eliminated.
-    inverse : array (n,), 1 over the sum of these conductances, including the conductance to the ends; 0 if there are
-        none.
+    band : array (≥ n, width), conductances of the links from each node to the `width` nodes that are eliminated next,
+        at the time when the node is eliminated.
+    inverse : array (n,), 1/Σc for each node, with the conductances c of the links in `band` and of the links to inlet
+        and outlet; 0 for a node without links.
     """
 
     number: Indices
@@ -82,9 +86,10 @@ class Coarsest(NamedTuple):
 def _number_nodes(n1, n2, ring):
     """Number the nodes along the shorter axis first, so that linked nodes have similar numbers.
 
-    Returns the numbers (n1, n2), and the largest difference between the numbers of two linked nodes.
+    If the columns form a ring, the columns on the left and on the right of the seam are numbered alternately, so that
+    nodes that are linked over the seam also have similar numbers.
 
-    In a ring, columns are numbered alternately from both sides of the seam, so that neighbours have similar numbers.
+    Returns the numbers as an array (n1, n2), and the largest difference between the numbers of two linked nodes.
     """
     number = np.empty((n1, n2), np.int64)
     for j in range(n2):
@@ -100,7 +105,11 @@ def _number_nodes(n1, n2, ring):
 
 @compiled(**REORDERED)
 def eliminate_coarsest(operator, ring):
-    """Eliminate all nodes of an operator, given by its diagonal and conductances; return the `Coarsest` level."""
+    """Eliminate all nodes of the coarsest level.
+
+    operator : arrays `centre`, `right`, `below`, `below_right` and `below_left`, see the docstring of the module.
+    ring : whether the columns form a ring.
+    """
     # The nodes have the rows 1 to n1 and the columns 1 to n2 of the fields, which have a border. In `number` and in the
     # loops they count from 0.
     centre = operator[0]
@@ -110,12 +119,12 @@ def eliminate_coarsest(operator, ring):
     n = n1 * n2
     # `width` empty rows at the end, so that no loop has to check whether it goes beyond the last node
     band = np.zeros((n + width, width), np.float32)
-    ends = np.zeros(n + width, np.float32)
+    to_ends = np.zeros(n + width, np.float32)
     inverse = np.zeros(n, np.float32)
     for i in range(n1):
         for j in range(n2):
             k = number[i, j]
-            # diagonal entry less all conductances to neighbours: what remains is the conductance to the ends
+            # diagonal entry less all conductances to neighbours: the rest is the conductance to inlet and outlet
             rest = centre[i + 1, j + 1]
             # links to the right, below, below right and below left: operator[1] to operator[4]
             for side in range(1, 5):
@@ -132,13 +141,13 @@ def eliminate_coarsest(operator, ring):
                     # each link is stored at the node that is eliminated first
                     band[min(k, other), abs(k - other) - 1] += link[i + 1, j + 1]
             if rest > _ROUNDING * centre[i + 1, j + 1]:
-                ends[k] = rest
-    # Star-mesh elimination: node k adds links between all its later neighbours, and between them and the ends. Entry a
-    # of its row in `band` is the link to node k + 1 + a.
+                to_ends[k] = rest
+    # Star-mesh elimination: the elimination of node k adds links between all its later neighbours, and from its later
+    # neighbours to inlet and outlet. Entry a of row k of `band` is the link to node k + 1 + a.
     for k in range(n):
         row = band[k]
         later = band[k + 1 : k + 1 + width]
-        total = ends[k]
+        total = to_ends[k]
         for a in range(width):
             total += row[a]
         if not total > 0.0:
@@ -147,7 +156,7 @@ def eliminate_coarsest(operator, ring):
         for a in range(width):
             fraction = row[a] * inverse[k]
             if fraction != np.float32(0.0):
-                ends[k + 1 + a] += fraction * ends[k]
+                to_ends[k + 1 + a] += fraction * to_ends[k]
                 for b in range(width - 1 - a):
                     later[a, b] += fraction * row[a + 1 + b]
     return Coarsest(number, band, inverse)
@@ -155,7 +164,10 @@ def eliminate_coarsest(operator, ring):
 
 @compiled(**REORDERED)
 def solve_coarsest(coarsest, b, ring, x):
-    """Solve the coarsest level for the right-hand side b, and write the solution x; both have a border."""
+    """Solve the coarsest level for the right-hand side b, and write the solution to x.
+
+    b, x : arrays with a border of one node on each side.
+    """
     number, band, inverse = coarsest
     n1, n2 = number.shape
     n = inverse.size
@@ -186,16 +198,17 @@ def solve_coarsest(coarsest, b, ring, x):
 
 @inner(**REORDERED)
 def wrap_row(row):
-    """Continue a row of a ring periodically: set both nodes of its border to the values at the opposite side."""
+    """Continue a row of a ring periodically: copy the last node to the left border, and the first node to the right."""
     row[0], row[-1] = row[-2], row[1]
 
 
 @by_rows(**REORDERED)
 def _five_point_operator(first, end, centre, right, below, along, across, ring):
-    """Fill the rows `first` to `end` − 1 of `centre`, `right` and `below`, which have a border of one node.
+    """Fill the rows `first` to `end` − 1 of `centre`, `right` and `below` with the operator of a stencil.
 
-    The conductances `along` and `across` of the stencil have no border. Row i of the fields is row i − 1 of `across`.
-    The links above and below it are the rows i − 1 and i of `along`.
+    The arrays `centre`, `right` and `below` have a border of one node on each side; the conductances `along` and
+    `across` of the stencil have no border. Row i of `right` is therefore row i − 1 of `across`. Row i − 1 of `along`
+    contains the links above row i of `centre`, and row i of `along` the links below row i of `centre`.
     """
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
@@ -214,7 +227,7 @@ def _five_point_operator(first, end, centre, right, below, along, across, ring):
 
 @inner(**REORDERED)
 def _fraction(part, total):
-    """Return part / total, or 0 unless both are positive."""
+    """Return part / total if both numbers are positive, otherwise 0."""
     return part / total if part > 0.0 and total > 0.0 else 0.0
 
 
@@ -222,11 +235,12 @@ def _fraction(part, total):
 def _weights_in_coarse_rows(first, end, w, operator, is_nine_point, ring):
     """Compute the interpolation weights w in the fine rows that contain coarse nodes.
 
-    The weight of a coarse node is 1 at the node itself. Between two coarse nodes, the weights of both follow from the
-    conductances on either side.
+    At a fine node that is also a coarse node, the weight of the coarse node is 1. At a fine node between two coarse
+    nodes, the weight of each coarse node follows from the conductances of the links on its side.
 
-    w : array (row, column, 3, 3), as in `Level.weights`. The last two axes are the row and the column of the fine node
-        relative to the coarse node, from 0 to 2.
+    w : array (coarse row, coarse column, 3, 3), see `Level.weights`. The third axis is the row of the fine node: 0
+        above the coarse node, 1 in the same row, 2 below. The fourth axis is the column of the fine node: 0 on the left
+        of the coarse node, 1 in the same column, 2 on the right.
     is_nine_point : whether the operator has links along the diagonals.
     """
     centre, right, below, below_right, below_left = operator
@@ -237,7 +251,7 @@ def _weights_in_coarse_rows(first, end, w, operator, is_nine_point, ring):
         for j in range(1, m2 + 1):
             w[(i + 1) // 2, j, 1, 1] = 1.0
         # The value of a node between two coarse nodes follows from its links along the row. Diagonal links are added to
-        # these, and links directly above and below are left out.
+        # the links along the row, and links directly above and below are left out.
         for j in range(2, n2 + 1, 2):
             west = right[i, j - 1]
             east = right[i, j]
@@ -258,7 +272,8 @@ def _weights_in_coarse_rows(first, end, w, operator, is_nine_point, ring):
 def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
     """Compute the interpolation weights w in the fine rows between two rows with coarse nodes.
 
-    They depend on the weights that `_weights_in_coarse_rows` has computed before. The parameters are the same.
+    The weights depend on the results of `_weights_in_coarse_rows`, which must be called first. The two functions have
+    the same parameters.
     """
     centre, right, below, below_right, below_left = operator
     n1 = centre.shape[0] - 2
@@ -267,7 +282,7 @@ def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
     # fine row i lies between the coarse rows i // 2 above it and i // 2 + 1 below it
     for i in range(2 * first, min(2 * end, n1 + 1), 2):
         # Nodes directly between two coarse nodes, one above and one below. As in `_weights_in_coarse_rows`, diagonal
-        # links are added to those above and below, and links along the row are left out.
+        # links are added to the links above and below, and links along the row are left out.
         for j in range(1, n2 + 1, 2):
             north = below[i - 1, j]
             south = below[i, j]
@@ -309,22 +324,24 @@ def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
 
 
 @inner(**REORDERED)
-def _wrap_weights(w, i, a):
+def _wrap_weights(w, i, fine_row):
     """Copy the weights of the coarse nodes in row i of a ring to the border at the opposite side.
 
-    a : fine row of the weights, relative to the coarse nodes: above (0), the same (1) or below (2).
+    fine_row : index of the weights for a fine row: 0 for the fine row above the coarse nodes, 1 for the row of the
+        coarse nodes, 2 for the row below.
     """
     m2 = w.shape[1] - 2
     for b in range(3):
-        w[i, 0, a, b] = w[i, m2, a, b]
-        w[i, m2 + 1, a, b] = w[i, 1, a, b]
+        w[i, 0, fine_row, b] = w[i, m2, fine_row, b]
+        w[i, m2 + 1, fine_row, b] = w[i, 1, fine_row, b]
 
 
 @by_rows(**REORDERED)
 def _galerkin_product(first, end, w, operator, is_nine_point, ring, coarse):
-    """Compute the Galerkin product PᵀAP for some rows of the next level.
+    """Compute the Galerkin product PᵀAP for some rows of the next coarser level.
 
-    coarse : array (5, …, …) for the result: the diagonal and the four kinds of conductances of the next level.
+    coarse : array (5, coarse rows, coarse columns) for the result: the diagonal and the four kinds of conductances of
+        the next coarser level.
     """
     centre, right, below, below_right, below_left = operator
     n1 = centre.shape[0] - 2
@@ -386,7 +403,7 @@ def _galerkin_product(first, end, w, operator, is_nine_point, ring, coarse):
 
 @leader(**REORDERED)
 def build_levels(along, across, ring):
-    """Build the levels of a stencil, and eliminate the nodes of the coarsest one."""
+    """Build the multigrid levels of a stencil, and eliminate the nodes of the coarsest level."""
     fine = np.zeros((3, along.shape[0] + 1, along.shape[1] + 2))
     _five_point_operator(fine[0], fine[1], fine[2], along, across, ring)
     return levels_of_operator(fine, ring)
@@ -394,9 +411,10 @@ def build_levels(along, across, ring):
 
 @leader(**REORDERED)
 def levels_of_operator(fine, ring):
-    """Build the levels of a five-point operator, given by its diagonal and its `right` and `below` conductances.
+    """Build the multigrid levels of a five-point operator, and eliminate the nodes of the coarsest level.
 
-    fine : array (3, n1 + 2, n2 + 2), these fields with a border.
+    fine : array (3, n1 + 2, n2 + 2), diagonal `centre` and conductances `right` and `below` of the operator, with a
+        border of one node on each side.
     """
     none = np.zeros((1, 1))  # a five-point operator has no diagonal links
     operator = fine[0], fine[1], fine[2], none, none
@@ -429,16 +447,17 @@ def levels_of_operator(fine, ring):
 
 @leader(**REORDERED)
 def coarser_shape(n1, n2):
-    """Compute the shape of the next coarser level from the shape of a level; both include the border."""
+    """Compute the shape of the next coarser level from the shape of a level; each shape includes the border."""
     return (n1 + 1) // 2 + 1, (n2 + 1) // 2 + 1
 
 
 @by_rows(**REORDERED)
 def _store_operator(first, end, inverse, links, operator):
-    """Store some rows of an operator in the fields of a level in single precision.
+    """Store some rows of an operator in the arrays of a level, in single precision.
 
-    The Galerkin product may have negative conductances, with which a sweep might diverge. They are set to 0, and the
-    diagonal is increased accordingly, so that the sums of the rows do not change.
+    The Galerkin product may contain negative conductances, with which a Jacobi sweep might diverge. Negative
+    conductances are replaced by 0, and the diagonal is increased by the same amount, so that the sum of each row does
+    not change.
     """
     centre, right, below, below_right, below_left = operator
     to_right, to_below, to_below_right, to_below_left = links

@@ -1,9 +1,10 @@
 """Solve the flow by conjugate gradients, preconditioned by multigrid on the structured grid.
 
-Potential and residual are stored in double precision, and the operator is applied to differences of the potential. The
-multigrid cycle and the search directions are in single precision; the residual is updated with the same rounded
-directions as the potential, so that this rounding causes no error. The cycle has one sweep of damped Jacobi before and
-one after the coarser grid. The rows of large levels are divided between threads.
+The potential and the residual are stored in double precision. The operator is applied to differences of the potential,
+to avoid cancellation. The multigrid cycle and the search directions are computed in single precision. The rounding of
+the search directions causes no error, because the potential and the residual are updated with the same rounded
+directions. A multigrid cycle performs one sweep of damped Jacobi before the coarse-grid correction, and one sweep after
+the correction. On large levels, the rows are divided between threads.
 """
 
 from __future__ import annotations
@@ -20,36 +21,43 @@ from ..error_bound import error_bound
 from ..grid import Stencil
 from .hierarchy import FEWEST, build_levels, coarser_shape, solve_coarsest, wrap_row
 
-#: Largest number of nodes of the coarsest possible level for which multigrid is efficient. Slender grids have more.
+#: Largest number of nodes of the coarsest possible level for which multigrid is efficient. The coarsest level of a
+#: slender grid has more nodes.
 COARSEST_NODES = 128
 #: Damping factor of the Jacobi sweeps.
 _DAMPING = np.float32(0.8)
 #: The iteration stops when the estimated error is below this fraction of the tolerance. The fraction is small, because
 #: the error is underestimated as long as its slowest component has not appeared.
 _STOPPING = 0.03
-#: The same fraction after `BOUNDED_FROM` iterations, when the error is bounded in addition.
+#: Fraction of the tolerance at which the iteration stops after `BOUNDED_FROM` iterations, when the error is also
+#: bounded.
 _STOPPING_IF_BOUNDED = 0.3
-#: Number of iterations from which on the error of the rate is bounded by means of a conserved flux.
+#: Number of iterations after which the error of the flow rate is bounded by means of a conserved flux.
 BOUNDED_FROM = 12
-#: If the bound of the error is too large, this fraction is reduced, but not below the following number.
+#: If the bound of the error is too large, `_STOPPING_IF_BOUNDED` is replaced by smaller fractions. The iteration is
+#: given up when the fraction falls below this number.
 _LEAST_STOPPING = 1e-9
-#: Smallest eigenvalues of M⁻¹A that are allowed for in the error estimate although the iteration has not found them:
-#: after few iterations, and in the limit of many iterations. With ten times the first value, the error exceeded the
-#: estimate in 2 of 10,000 random cells of extreme contrast, and in 3 of 1200 smooth gaps with 10 to 35 % in contact.
+#: Smallest eigenvalues of M⁻¹A that the error estimate allows for although the iteration has not found them: the first
+#: value after few iterations, and the second value in the limit of many iterations. With ten times the first value, the
+#: error exceeded the estimate in 2 of 10,000 random cells of extreme contrast, and in 3 of 1200 smooth gaps with 10 to
+#: 35 % in contact.
 _UNSEEN_EIGENVALUES = 2e-4, 1e-7
-#: Largest remaining correction at a node, relative to the tolerance in the energy norm. This is a separate condition,
-#: because nodes that are only connected by narrow links hardly contribute to the energy norm.
+#: Largest remaining correction at a node, relative to the tolerance in the energy norm. The correction at a node is a
+#: separate condition, because nodes that are only connected by narrow links hardly contribute to the energy norm.
 _LARGEST_CORRECTION = 100.0
-#: Flags for the case that no nodes are ignored.
+#: Flags of ignored nodes, if no nodes are ignored.
 _NONE_IGNORED = np.zeros((0, 0), np.bool_)
-#: Number of nodes from which on the work is divided between threads.
+#: Smallest number of nodes for which the work is divided between threads.
 _THREADED_NODES = 2**18
 #: Number of iterations after which the total number of iterations is extrapolated.
 _EXTRAPOLATED_FROM = 10
 
 
 def coarsest_nodes(n1: int, n2: int) -> int:
-    """Count the nodes of the coarsest possible level for n1 × n2 unknowns; slender grids have a large number."""
+    """Count the nodes of the coarsest possible multigrid level of a grid with n1 × n2 unknowns.
+
+    The coarsest level of a slender grid has many nodes.
+    """
     rows, columns = n1 + 2, n2 + 2  # with a border of one node
     while min(rows, columns) - 2 > FEWEST:
         rows, columns = coarser_shape(rows, columns)
@@ -61,7 +69,7 @@ class MultigridSolution(NamedTuple):
 
     potential : array (n1 + 1, n2), potential φ at the nodes.
     iterations : number of iterations.
-    error : estimate or bound of the error of φ in the energy norm, relative to the energy.
+    error : relative error of φ in the energy norm, either an estimate or an upper bound.
     """
 
     potential: Array
@@ -81,26 +89,28 @@ def solve_multigrid(
 
     Parameters
     ----------
-    stencil : conductances of the links. Each node with open links must be connected to both ends.
+    stencil : conductances of the links. Each node with open links must be connected to both inlet and outlet.
     rtol : largest relative error of the flow rate Σ c (Δφ)².
     limit : largest number of iterations.
-    ignored : flags (n1 − 1, n2) of inner nodes whose potential need not be accurate; by default there are none.
-    field_rtol : largest relative error of φ in the energy norm, if φ itself has to be accurate. The estimate M⁻¹r of
-        the error must then also be smaller than 10 `field_rtol` at each node that is not ignored, where M⁻¹ is the
-        multigrid cycle and r the residual.
-    bounded_from : number of iterations from which on the error is bounded.
+    ignored : flags (n1 − 1, n2) of inner nodes whose potential does not have to be accurate; None if there are no such
+        nodes.
+    field_rtol : largest relative error of φ in the energy norm; None if only the flow rate has to be accurate. If
+        `field_rtol` is given, the correction M⁻¹r must also be smaller than 10 `field_rtol` at each node that is not
+        ignored, where M⁻¹ is the multigrid cycle and r the residual.
+    bounded_from : number of iterations after which the error is bounded rigorously.
 
     Raises
     ------
-    NotConverged : the number of iterations, or an extrapolation of it, exceeds `limit`.
+    NotConverged : the iteration has not converged after `limit` iterations, or an extrapolation shows that it will not.
 
     Notes
     -----
-    The relative error of the rate is the square of the error e of φ in the energy norm. It satisfies eᵀAe ≤ rᵀM⁻¹r/θ
-    with the smallest eigenvalue θ of M⁻¹A, which is estimated from the coefficients of the iteration (Lanczos). If the
-    iteration ends early, θ is reduced to allow for error components that have not appeared yet. After `bounded_from`
-    iterations the error is bounded rigorously instead, and the iteration is continued if the bound is too large. Inlet
-    and outlet flow have a first-order error. They must agree to within three times the square root of the tolerance.
+    The relative error of the flow rate is the square of the error e of φ in the energy norm. The error e satisfies
+    eᵀAe ≤ rᵀM⁻¹r/θ, where θ is the smallest eigenvalue of M⁻¹A. θ is estimated from the coefficients of the iteration
+    (Lanczos). After few iterations, the estimate of θ is reduced to allow for error components that have not appeared
+    yet. After `bounded_from` iterations, the error is not estimated but bounded rigorously, and the iteration continues
+    if the bound is too large. The inflow and the outflow have errors proportional to e, not to e²; their relative
+    difference must be at most 3 √rtol.
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
     field = np.inf if field_rtol is None else field_rtol
@@ -117,7 +127,7 @@ def solve_multigrid(
     φ, iterations, error, has_converged = iterate(network, row_drop, settings)
     if has_converged:
         return MultigridSolution(φ, iterations, error)
-    reached = f"error {error**2:.1e} of the rate"
+    reached = f"error {error**2:.1e} of the flow rate"
     wanted = f"{rtol:.1e}"
     if field_rtol:
         reached += f" and {error:.1e} of the pressure"
@@ -130,7 +140,10 @@ def solve_multigrid(
 
 
 class _Settings(NamedTuple):
-    """Arguments of `solve_multigrid`; `field` is `field_rtol`, or infinity if only the flow rate has to be accurate."""
+    """Arguments of `solve_multigrid` for the iteration.
+
+    field : `field_rtol`, or infinity if only the flow rate has to be accurate.
+    """
 
     rtol: float
     field: float
@@ -143,11 +156,12 @@ class _Settings(NamedTuple):
 def _iterate(network, row_drop, settings):
     """Perform the iteration of `solve_multigrid`.
 
-    network : conductances `along` and `across` of the stencil, and whether the columns form a ring.
-    row_drop : array (n1,), potential drop between adjacent rows for the initial potential.
+    network : tuple of the conductances `along` and `across` of the stencil and a flag, whether the columns form a ring.
+    row_drop : array (n1,), drop of the initial potential from each row of nodes to the next row.
     settings : arguments of `solve_multigrid`.
 
-    Returns the potential, the number of iterations, the error in the energy norm, and whether the tolerance is reached.
+    Returns the potential, the number of iterations, the relative error of the potential in the energy norm, and whether
+    the tolerance is reached.
     """
     along, across, ring = network
     levels, coarsest = build_levels(along, across, ring)
@@ -177,7 +191,7 @@ def _iterate(network, row_drop, settings):
             bound = error_bound(along, across, x, 1.0 - x, settings.ignored)
             error = max(error, np.sqrt(bound))
             if not bound <= settings.rtol:
-                # continue until the estimate is smaller by the factor by which the bound is too large, and half of it
+                # continue: the estimate must become smaller by twice the factor by which the bound is too large
                 done = False
                 share *= 0.5 * settings.rtol / bound
                 hopeless = not share > _LEAST_STOPPING
@@ -209,14 +223,16 @@ _iterate_in_one_thread = compiled(**REORDERED)(_iterate)
 
 @leader(**REORDERED)
 def _judge(iteration, state, history, share, settings):
-    """Estimate the error in the energy norm, and decide whether the iteration has converged or is hopeless.
+    """Estimate the error in the energy norm, and decide whether the iteration has converged or has to be given up.
 
-    state : rᵀM⁻¹r, largest correction, difference between inlet and outlet flow, and flow rate.
-    history : array (3, limit + 1) with the values of each iteration: rᵀM⁻¹r, the step length, and the ratio β of the
-        conjugate gradients. This function stores the rᵀM⁻¹r of the current iteration in the first row.
-    share : the iteration stops at this fraction of the tolerance, if the error is bounded afterwards.
+    state : tuple of rᵀM⁻¹r, the largest correction at a node, the difference between inflow and outflow, and the flow
+        rate.
+    history : array (3, limit + 1), in each column the values of an iteration: rᵀM⁻¹r, the step length, and the ratio β
+        of the conjugate gradients. The function stores rᵀM⁻¹r of the current iteration in row 0 of `history`.
+    share : fraction of the tolerance at which the iteration stops, if the error is bounded afterwards.
 
-    Returns the error, whether the iteration has converged, and whether it would need more than `limit` iterations.
+    Returns the estimated error, whether the iteration has converged, and whether it has to be given up because it would
+    need more than `limit` iterations.
     """
     rz, largest, unbalanced, rate = state
     rtol, field, limit = settings.rtol, settings.field, settings.limit
@@ -250,10 +266,10 @@ def _judge(iteration, state, history, share, settings):
 def _smallest_eigenvalue(steps, ratios):
     """Estimate the smallest eigenvalue of M⁻¹A, with an allowance for eigenvalues that have not appeared yet.
 
-    The smallest eigenvalue in the Krylov space, the smallest Ritz value, is found within a factor of two from the
-    tridiagonal matrix of the Lanczos process.
+    The coefficients of the conjugate gradients define the tridiagonal matrix T of the Lanczos process. The smallest
+    eigenvalue of T (Ritz value) approximates the smallest eigenvalue of M⁻¹A, and is computed within a factor of two.
 
-    steps, ratios : step lengths α and ratios β of the conjugate gradients.
+    steps, ratios : step length α and ratio β of the conjugate gradients in each iteration.
     """
     n = steps.size
     diagonal = np.ones(max(n, 1))  # of the tridiagonal matrix T
@@ -271,9 +287,9 @@ def _smallest_eigenvalue(steps, ratios):
         if pivot > 0.0:
             break
         lowest *= 0.5
-    # Smaller eigenvalues may not have appeared yet. As long as the Ritz value is above the first number, eigenvalues
-    # down to this number are allowed for. Below it, the allowance falls with the square of the Ritz value, down to the
-    # second number.
+    # Smaller eigenvalues may not have appeared yet. As long as the Ritz value is above `after_few`, eigenvalues down to
+    # `after_few` are allowed for. For smaller Ritz values, the allowance falls with the square of the Ritz value, down
+    # to `after_many`.
     after_few, after_many = _UNSEEN_EIGENVALUES
     allowance = min(lowest**2 / after_few, after_few)
     allowance = max(allowance, after_many)
@@ -282,7 +298,7 @@ def _smallest_eigenvalue(steps, ratios):
 
 @leader(**REORDERED)
 def cycle(levels, coarsest, ring):
-    """Perform one V-cycle, which computes `r` of the finest level from its right-hand side `b`."""
+    """Perform one V-cycle: compute the solution `r` of the finest level from the right-hand side `b` of this level."""
     for k in range(len(levels) - 1):
         fine, coarse = levels[k], levels[k + 1]
         _first_sweep(fine.x, fine.b, fine.inverse, ring)
@@ -309,11 +325,11 @@ def _first_sweep(first, end, x, b, inverse, ring):
 def _residual_or_sweep(first, end, r, level, after_first_sweep, ring):
     """Compute the residual after the first sweep, or perform the second sweep of damped Jacobi, on some rows.
 
-    Both operations begin with the sum s = b + Σ c x over the neighbours of each node, where c is the conductance of the
-    link to a neighbour. With the diagonal entry a and the damping ω, the result that is written to r is
+    Let s = b + Σ c x be the sum over the neighbours of a node, where c is the conductance of the link to a neighbour.
+    Let a be the diagonal entry, and ω the damping factor. The function writes one of two results to r:
 
-    - with `after_first_sweep`, the residual s − a x, which is s − ω b because the first sweep has set x = ω b/a;
-    - otherwise, the value x + ω (s/a − x) after the second sweep.
+    - with `after_first_sweep`, the residual s − a x, which is s − ω b, because the first sweep has set x = ω b/a;
+    - without `after_first_sweep`, the value x + ω (s/a − x) after the second sweep.
     """
     right, below, below_right, below_left = level.links
     x = level.x
@@ -381,11 +397,12 @@ def _prolong(first, end, x, coarse, w, ring):
 
 @inner(**REORDERED)
 def _apply_to_row(network, p, i, flow_to_right, y):
-    """Compute row i of A p from differences of p, and write it to y.
+    """Compute row i of the product A p from differences of p, and write the row to y.
 
-    p and y have a border of one node on each side; the conductances have none. The border beyond inlet and outlet is 0.
-    The flow from each node of the row to the next one is stored in the work array `flow_to_right`. Separate loops
-    over few arrays compile to vector instructions and take a third of the time of a single loop.
+    The arrays p and y have a border of one node on each side; the conductances have no border. At the inlet and at the
+    outlet, the border of p is 0. The work array `flow_to_right` contains the flow from each node of the row to the next
+    node. Separate loops over few arrays compile to vector instructions, and take a third of the time that a single loop
+    takes.
     """
     along, across, ring = network
     n2 = along.shape[1]
@@ -393,7 +410,7 @@ def _apply_to_row(network, p, i, flow_to_right, y):
     p_above, p_here, p_below = p[i - 1], p[i], p[i + 1]
     for j in range(1, n2):
         flow_to_right[j] = to_right[j - 1] * (np.float64(p_here[j]) - p_here[j + 1])
-    # flow over the seam of a ring, which leaves the last node and enters the first one
+    # flow over the seam of a ring, which leaves the last node of the row and enters the first node
     seam = to_right[n2 - 1] * (np.float64(p_here[n2]) - p_here[1]) if ring else 0.0
     flow_to_right[0] = seam
     flow_to_right[n2] = seam
@@ -429,18 +446,17 @@ def _sum_curvature(first, end, p, network, sums):
 
 
 @by_rows(**REORDERED)
-def _update_solution(first, end, x, others, network, steps, sums):
+def _update_solution(first, end, x, fields, network, steps, sums):
     """Perform the step x += step p, r −= step A p on some rows, and compute b = r / scale.
 
-    The sums of r and of r x of each row are written to `sums`. Their totals over all rows are two measures of the
-    imbalance: the difference between inlet and outlet flow, and the difference between flow and energy. The product A p
-    was already computed by `_sum_curvature`. It is computed a second time here instead of being stored, because memory
-    limits the size of surfaces.
+    For each row, Σr is written to `sums[0]`, and Σ r x to `sums[1]`. The total of Σr over all rows is the difference
+    between inflow and outflow. The total of Σ r x over all rows is the difference between flow and energy. The product
+    A p, which `_sum_curvature` has already computed, is computed again, because storing A p would need much memory.
 
-    others : residual r, right-hand side b of the next cycle, and search direction p.
-    steps : step length, and the number `scale` by which r is divided to obtain b.
+    fields : tuple of the residual r, the right-hand side b of the next cycle, and the search direction p.
+    steps : tuple of the step length, and the number `scale` by which r is divided to obtain b.
     """
-    r, b, p = others
+    r, b, p = fields
     step, scale = steps
     n2 = p.shape[1] - 2
     y = np.empty(n2 + 2)
@@ -465,9 +481,9 @@ def _update_solution(first, end, x, others, network, steps, sums):
 
 @by_rows(**REORDERED)
 def _sum_products(first, end, z, r, field, ignored, sums):
-    """Compute the contributions of some rows to r·z; if the field has to be accurate, also the largest |z| of each row.
+    """Compute r·z for some rows, and also the largest |z| in each row if the potential itself has to be accurate.
 
-    The largest |z| does not include the nodes that are ignored.
+    z is the result M⁻¹r of a multigrid cycle. Ignored nodes do not count for the largest |z|.
     """
     for i in range(first, end):
         total = 0.0
@@ -484,11 +500,13 @@ def _sum_products(first, end, z, r, field, ignored, sums):
 
 @by_rows(**{**REORDERED, "fastmath": False})
 def _set_initial_potential(first, end, x, r, b, along, potential, inverse):
-    """Set the initial potential x and its residual r, and copy r to b, the right-hand side of the first cycle.
+    """Set the initial potential x and its residual r, and copy r to the right-hand side b of the first cycle.
 
-    The initial potential is constant along each row, and has the lowest energy of all such potentials.
+    The initial potential is constant along each row. Of all potentials that are constant along each row, the initial
+    potential has the lowest energy.
 
-    potential : drop of the initial potential between adjacent rows, and its value in each row.
+    potential : tuple of two arrays: the drop of the initial potential from each row of nodes to the next row, and the
+        initial potential of each row.
     """
     row_drop, row_potential = potential
     n2 = along.shape[1]

@@ -1,4 +1,4 @@
-"""Solve symmetric positive definite sparse systems, which may come from any assembly: the solvers of the plain path."""
+"""Solve symmetric positive definite sparse systems from any finite-element assembly, by multigrid or factorisation."""
 
 from __future__ import annotations
 
@@ -9,10 +9,11 @@ from ..problem import PLAIN_SOLVERS, check_solver
 from .amg import solve_amg
 from .direct import Ends, LinearSolution, solve_direct
 
-#: Number of unknowns up to which a factorisation is faster than multigrid. Measured times of factorisation : multigrid
-#: in ms on one core, for P1, Q1, P2 and Q2: 20,000 unknowns 74:78, 58:61, 75:90, 61:76; 50,000 260:200, 160:150,
-#: 240:220, 170:170; 100,000 650:410, 350:280, 460:400, 375:345; 300,000 2000:1200, 1460:920, 2200:1330, 1420:1470; a
-#: million with P1 34,000:4500. Memory at 300,000 unknowns: 560 : 320 MB with Q2, 490 : 200 MB with P1.
+#: Number of unknowns up to which a factorisation is faster than multigrid. Times were measured on one core with P1, Q1,
+#: P2 and Q2 elements. With 20,000 unknowns, factorisation takes 58 to 75 ms, and multigrid 61 to 90 ms; with 50,000
+#: unknowns, 160 to 260 ms and 150 to 220 ms; with 100,000 unknowns, 350 to 650 ms and 280 to 410 ms; with 300,000
+#: unknowns, 1.4 to 2.2 s and 0.9 to 1.5 s; with a million unknowns (P1), 34 s and 4.5 s. With 300,000 unknowns,
+#: factorisation needs 490 to 560 MB of memory, and multigrid 200 to 320 MB.
 DIRECT_UNKNOWNS = 50_000
 
 
@@ -26,7 +27,7 @@ def solve_sparse(
     largest_residual: float = 1e-8,
     ends: Ends | None = None,
 ) -> LinearSolution:
-    """Solve A x = b with a solver of the plain path.
+    """Solve A x = b by conjugate gradients with algebraic multigrid, or by a sparse factorisation.
 
     Parameters
     ----------
