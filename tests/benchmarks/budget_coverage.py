@@ -1,14 +1,17 @@
-"""How often the error budget holds the truth, on random scenes that nobody has seen.
+"""Count how often the interval of the error budget contains the true leakage, on random scenes.
 
     python tests/benchmarks/budget_coverage.py --scenes 1 --long 0
     python tests/benchmarks/budget_coverage.py --records solutions --write
 
-The truth is the deterministic leakage on twice the points a side; of filtered faces on the grid
-that resolves all waves, with the waves that the filter had removed; of drawn seals that of a face
-as long as the seal, of which the seals have seen one breadth. The band is that of
-`femseal.error_budget` with the coarser solutions that a run takes. One load of each scene is
-drawn, of those that leak more than 1e-3 of the first: errors of one scene at several loads are
-alike, so the binomial interval (Clopper & Pearson, 1934) is that of these.
+The scenes were not used to develop or to calibrate the error budget. The true leakage is the deterministic
+leakage on twice the points per side. For a filtered surface, the true leakage is that of the unfiltered surface
+on a grid that resolves all its waves. For stochastic seals, the true leakage is that of a surface as long as
+the seal; the seals are simulated from a square patch of this surface. The interval is the interval of
+`femseal.error_budget` with the coarser solutions that a run computes.
+
+Errors of one scene at several loads are similar. For the binomial confidence interval (Clopper & Pearson,
+1934), one load of each scene is therefore chosen at random among the loads that leak more than 1e-3 of the
+first load.
 """
 
 from __future__ import annotations
@@ -37,13 +40,13 @@ FLOOR = 1e-3
 
 
 def coarser(scene, surface, leakage):
-    """The solution on another surface beside the own leakage."""
-    found = deterministic(replace(scene, surface=surface)).leakage
-    return CoarserSolution(surface.shape, found, leakage, surface.rms_slope)
+    """Solve a scene on another surface, and return the solution together with the leakage on the original surface."""
+    coarser_leakage = deterministic(replace(scene, surface=surface)).leakage
+    return CoarserSolution(surface.shape, coarser_leakage, leakage, surface.rms_slope)
 
 
 def whole_face(drawn):
-    """A scene by the deterministic method, with what its budget needs, and its truth."""
+    """Solve a scene by the deterministic method, with all solutions that its error budget needs, and its true leakage."""
     scene, solutions = drawn.scene(), {}
     whole = deterministic(scene)
     half = tuple(n // 2 for n in drawn.points)
@@ -67,12 +70,12 @@ def whole_face(drawn):
 
 
 def strip(kind, seed):
-    """A scene by the deterministic method."""
+    """Solve a scene of a kind and a seed by the deterministic method."""
     return whole_face(Drawn(kind, seed))
 
 
 def cell_of(drawn):
-    """The scene of the first breadth of a long face, whose ends along x2 do not meet."""
+    """Return the scene of a square patch at the beginning of a long surface; the patch is not periodic along x2."""
     scene = drawn.scene()
     heights = np.ascontiguousarray(scene.surface.heights[:, : drawn.points[0]])
     return replace(
@@ -82,7 +85,7 @@ def cell_of(drawn):
 
 
 def drawn_seals(kind, seed):
-    """Seals drawn from one breadth of a long face."""
+    """Simulate stochastic seals from a square patch of a long surface."""
     drawn = Drawn(kind, seed, LENGTH)
     truth = deterministic(drawn.scene(2)).leakage
     scene, (n, _) = cell_of(drawn), drawn.points
@@ -99,30 +102,33 @@ def drawn_seals(kind, seed):
 
 
 def solved(function, kind, seed, folder):
-    """What a function gives for a scene, from a file if there is one."""
+    """Return the result of a function for a scene, from a file in the folder if there is one."""
     path = folder and folder / f"{function.__name__} {kind} {seed}.pickle"
     if path and path.exists():
         return pickle.loads(path.read_bytes())
-    found = function(kind, seed)
+    result = function(kind, seed)
     if path:
-        path.write_bytes(pickle.dumps(found))
+        path.write_bytes(pickle.dumps(result))
         print(path.stem, flush=True)
-    return found
+    return result
 
 
-def judged(kind, seed, found):
-    """Every step of every study of a scene: the error, the band, and whether it holds the truth."""
-    truth = found["truth"]
-    for method, study in found["studies"].items():
-        budget = error_budget(found["scene"], study, **found["solutions"])
-        part = effective_pressure_part(found["scene"], study)  # of the band of a run
+def judged(kind, seed, result):
+    """Yield a record for each load step of each study of a scene.
+
+    A record contains the error, the half-width, and whether the interval contains the true leakage.
+    """
+    truth = result["truth"]
+    for method, study in result["studies"].items():
+        budget = error_budget(result["scene"], study, **result["solutions"])
+        part = effective_pressure_part(result["scene"], study)  # a run includes this part
         if part is not None:
             budget = replace(budget, parts=(*budget.parts, part))
         q, lower, upper = budget.leakage, budget.lower, budget.upper
         with np.errstate(divide="ignore", invalid="ignore"):
             below, above = np.log(q / lower), np.log(upper / q)
         error = np.where((q == 0) & (truth == 0), 0.0, np.log(truth / q))
-        holds = np.where(q == 0, truth <= upper, (error <= above) & (-error <= below))
+        is_contained = np.where(q == 0, truth <= upper, (error <= above) & (-error <= below))
         leaks = q > FLOOR * q[0]
         order = np.random.default_rng([KINDS.index(kind), seed]).permutation(len(q))
         picked = next((s for s in order if leaks[s]), None)
@@ -134,7 +140,7 @@ def judged(kind, seed, found):
                     "seed": seed,
                     "error": abs(error[s]),
                     "width": (below[s] + above[s]) / 2,
-                    "holds": bool(holds[s]),
+                    "holds": bool(is_contained[s]),
                     "state": "sealed" if q[s] == 0 else "leaks" if leaks[s] else "near closing",
                     "picked": s == picked,
                 }
@@ -149,36 +155,40 @@ HEAD += ["median error", "median half-width", "half-width / error"]
 
 
 def line(states):
-    """Cells of the table: count of the drawn loads, of all loads, errors and widths."""
+    """Return table cells for some load steps: counts, coverage, errors and half-widths.
+
+    The counts are for one load of each scene, all other cells for all loads that leak.
+    """
     leaks = [s for s in states if s["state"] == "leaks"]
     picked = [s["holds"] for s in states if s["picked"]]
     if not picked:
         return None
-    held = sum(picked)
-    low, high = binomtest(held, len(picked)).proportion_ci(0.95, "exact")
+    contained = sum(picked)
+    low, high = binomtest(contained, len(picked)).proportion_ci(0.95, "exact")
     error, width = (np.median([s[name] for s in leaks]) for name in ("error", "width"))
-    counts = [f"{held} of {len(picked)}", f"{low:.1%} … {high:.1%}"]
+    counts = [f"{contained} of {len(picked)}", f"{low:.1%} … {high:.1%}"]
     counts.append(f"{np.mean([s['holds'] for s in leaks]):.1%}")
     return [*counts, f"{error:.2%}", f"{width:.2%}", f"{width / error:.1f}"]
 
 
 def report(states):
-    """Tables by method, by kind of face, and of loads near and beyond closing."""
+    """Write tables by method and by kind of surface, and a table of the loads near closing and of the sealed loads."""
     methods = dict.fromkeys(s["method"] for s in states)
     cells, closing = [], []
     for method, kind in product(methods, ("all", *KINDS)):
-        of = [s for s in states if s["method"] == method and kind in ("all", s["kind"])]
-        if counts := line(of):
+        chosen = [s for s in states if s["method"] == method and kind in ("all", s["kind"])]
+        if counts := line(chosen):
             cells.append([method, kind, *counts])
     for method, state in product(methods, ("near closing", "sealed")):
-        of = [s["holds"] for s in states if (s["method"], s["state"]) == (method, state)]
-        closing.append([method, state, f"{sum(of)} of {len(of)}"])
+        chosen = [s["holds"] for s in states if (s["method"], s["state"]) == (method, state)]
+        closing.append([method, state, f"{sum(chosen)} of {len(chosen)}"])
     beyond = "The next table is for loads that leak less than 1e-3 of the first load (near closing), and for sealed loads:"
     faces = table(["method", "kind of surface", *HEAD], cells)
     return f"{faces}\n\n{beyond}\n\n{table(['method', 'state', 'contained'], closing)}"
 
 
 def tasks_of(scenes, long, seeds=HELD_OUT):
+    """Yield the tasks: a function, a kind of surface and a seed."""
     for seed in seeds[: max(scenes, long)]:
         for kind in KINDS:
             if seed - seeds[0] < scenes:
@@ -188,21 +198,21 @@ def tasks_of(scenes, long, seeds=HELD_OUT):
 
 
 def main():
-    """Solve the scenes, or take their solutions, and print and write the tables."""
+    """Solve the scenes or read their stored solutions, and print and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenes", type=int, default=18, help="of each kind of face")
     parser.add_argument("--long", type=int, default=10, help="long faces of each kind")
     parser.add_argument("--records", type=Path, help="folder in which solutions are kept")
     parser.add_argument("--write", action="store_true", help="write the tables beside the script")
-    given = parser.parse_args()
+    options = parser.parse_args()
     warnings.simplefilter("ignore", RuntimeWarning)  # logarithms of sealed steps
-    if given.records:
-        given.records.mkdir(exist_ok=True)
-    tasks, states = list(tasks_of(given.scenes, given.long)), []
+    if options.records:
+        options.records.mkdir(exist_ok=True)
+    tasks, states = list(tasks_of(options.scenes, options.long)), []
     for function, kind, seed in tasks:
-        states += judged(kind, seed, solved(function, kind, seed, given.records))
+        states += judged(kind, seed, solved(function, kind, seed, options.records))
     text = f"{machine()}; {len(tasks)} scenes.\n\n{report(states)}"
-    print_report(__file__, "Coverage of the error budget", text, given.write)
+    print_report(__file__, "Coverage of the error budget", text, options.write)
 
 
 if __name__ == "__main__":

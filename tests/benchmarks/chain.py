@@ -1,16 +1,18 @@
-"""Whole studies against the plain way: the same face, loads and pixels by other programs.
+"""Compare whole studies by femseal with scripts that use other programs, for the same surface, loads and pixels.
 
     python tests/benchmarks/chain.py --sizes 64
     python tests/benchmarks/chain.py --records chain.jsonl --write
 
-A self-affine face (Hurst 0.8, longest wave a quarter of the face, shortest 8 pixels, rms slope
-0.25, H = 0.14 E* h′), periodic along both axes, is loaded to 0.3 H and unloaded. The plain way
-takes the contact by Tamaas or ContactMechanics and the flow by scikit-fem with pyamg or PARDISO.
-Errors are exp(rms ln(Q/Q_ref)) − 1 over the loads that leak more than 1e-3 of the first; the
-reference is Richardson's limit of femseal's solutions on two and four times the pixels a side,
-from gaps sampled anew. Time to the same error is interpolated between femseal's on half, as many
-and twice the pixels a side. Each run is a process of its own with one thread, compilation before;
-times are CPU times.
+A self-affine surface is loaded to 0.3 H and unloaded; it is periodic along both axes. Its Hurst exponent is
+0.8, its longest wave is a quarter of the side, its shortest wave is 8 pixels long, its rms slope is 0.25, and H
+= 0.14 E* h′. In the scripts, Tamaas or ContactMechanics solves the contact, and scikit-fem with pyamg or
+PARDISO solves the flow.
+
+The error of a study is exp(rms ln(Q/Q_ref)) − 1 over the loads that leak more than 1e-3 of the first load. The
+reference Q_ref is the Richardson extrapolation of femseal's solutions on two and four times the pixels per
+side; the surface is sampled anew on each grid. The time of femseal at the error of a script is interpolated
+between its times on half, the same and twice the pixels per side. Each study runs in a process of its own with
+one thread, after all functions have been compiled. All times are CPU times.
 """
 
 from __future__ import annotations
@@ -39,7 +41,10 @@ FLOWS = ("pyamg", "PARDISO")
 
 
 def heights(n, pixels, shift):
-    """Face whose shortest wave is 8 of n pixels, at pixels², the first at `shift` spacings [m]."""
+    """Sample the surface whose shortest wave is 8 of n pixels long on pixels² points [m].
+
+    The first point lies `shift` spacings from the origin.
+    """
     c = waves(n)
     k = np.arange(c.shape[0]) - c.shape[0] // 2
     slope = np.sqrt(np.sum(np.abs(c) ** 2 * (k[:, None] ** 2 + k**2))) * 2 * np.pi / (n * PIXEL)
@@ -47,12 +52,12 @@ def heights(n, pixels, shift):
 
 
 def loads(fractions):
-    """Nominal pressures [Pa]."""
+    """Convert fractions of the hardness into nominal pressures [Pa]."""
     return tuple(HARDNESS * fraction for fraction in fractions)
 
 
-def own_study(n, pixels, rtol):
-    """Permeability [m³] at all states by femseal."""
+def femseal_study(n, pixels, rtol):
+    """Compute the permeability [m³] in all contact states by femseal."""
     from femseal import Liquid, Scene, Topography, deterministic
 
     scene = Scene(
@@ -71,8 +76,8 @@ def own_study(n, pixels, rtol):
     return deterministic(scene).leakage * VISCOSITY * n * PIXEL / DROP
 
 
-def plain_study(contact, n):
-    """Permeability by each flow through a peer's contact, and the CPU time of each part [s]."""
+def script_study(contact, n):
+    """Compute the permeability by a script for each flow solver, and the CPU time of each part [s]."""
     z, cycle = heights(n, n, 0.0), (loads(LOADING), loads(PEAKS), loads(UNLOADING))
     start = time.process_time()
     solve = CONTACTS[contact](z.shape, PIXEL, MODULUS, HARDNESS)
@@ -87,19 +92,19 @@ def plain_study(contact, n):
 
 
 def measure(task):
-    """Record of a study; a small one before compiles."""
+    """Run a study after a small one that compiles all functions, and return its record."""
     if "contact" in task:
-        plain_study(task["contact"], 64)
-        found, record = timed(partial(plain_study, task["contact"], task["n"]))
-        return record if found is None else record | {"k": found[0], "parts": found[1]}
-    own_study(64, 64, 1e-6)
-    run = partial(own_study, task["n"], task["pixels"], task["rtol"])
-    found, record = timed(run, task["repeats"])
-    return record | {"k": found.tolist()}
+        script_study(task["contact"], 64)
+        result, record = timed(partial(script_study, task["contact"], task["n"]))
+        return record if result is None else record | {"k": result[0], "parts": result[1]}
+    femseal_study(64, 64, 1e-6)
+    run = partial(femseal_study, task["n"], task["pixels"], task["rtol"])
+    result, record = timed(run, task["repeats"])
+    return record | {"k": result.tolist()}
 
 
 def series(sizes, repeats):
-    """Of each size the reference, studies on half to twice the pixels, and those of the peers."""
+    """Yield the tasks of each size: studies by femseal on half to four times the pixels, and the scripts."""
     for n in sizes:
         for times, rtol in ((0.5, 1e-5), (1, 1e-5), (2, 1e-5), (2, 1e-6), (4, 1e-6)):
             pixels = round(times * n)
@@ -110,14 +115,14 @@ def series(sizes, repeats):
 
 
 def error(k, exact):
-    """exp(rms ln(k/k_ref)) − 1 over the states that leak more than 1e-3 of the first."""
+    """Compute exp(rms ln(k/k_ref)) − 1 over the states that leak more than 1e-3 of the first state."""
     k, chosen = np.array(k), exact > 1e-3 * exact[0]
     with np.errstate(divide="ignore"):
         return float(np.expm1(np.sqrt(np.mean(np.log(k[chosen] / exact[chosen]) ** 2))))
 
 
 def seconds_at(wanted, curve):
-    """Time of femseal to a wanted error, between its (seconds, error); NaN beyond the finest."""
+    """Interpolate the time of femseal at an error, from pairs (seconds, error); NaN below the smallest error."""
     seconds, errors = np.array(sorted(curve)).T
     errors = np.minimum.accumulate(errors)
     if wanted < errors[-1]:
@@ -127,12 +132,12 @@ def seconds_at(wanted, curve):
 
 
 def shown(contact):
-    """Name of a contact solver in the report."""
+    """Return the name of a contact solver for the report."""
     return contact.replace("from bearing area", "(bearing-area start)")
 
 
 def report(records):
-    """A line for each size, contact and flow."""
+    """Write a table with a row for each size, contact solver and flow solver."""
     head = ["pixels", "femseal [s]", "error", "script: contact, flow"]
     head += [
         "contact + flow [s]",
@@ -142,16 +147,18 @@ def report(records):
     ]
     cells = []
     for n in dict.fromkeys(r["n"] for r in records):
-        of = [r for r in records if r["n"] == n]
-        own = {(r["pixels"], r["rtol"]): r for r in of if "pixels" in r}
-        half, fine = (np.array(own[times * n, 1e-6]["k"]) for times in (2, 4))
+        records_of_size = [r for r in records if r["n"] == n]
+        femseal_records = {(r["pixels"], r["rtol"]): r for r in records_of_size if "pixels" in r}
+        half, fine = (np.array(femseal_records[times * n, 1e-6]["k"]) for times in (2, 4))
         exact = fine + (fine - half) / 3
         curve = [
-            (r["seconds"], error(r["k"], exact)) for (_, rtol), r in own.items() if rtol > 1e-6
+            (r["seconds"], error(r["k"], exact))
+            for (_, rtol), r in femseal_records.items()
+            if rtol > 1e-6
         ]
-        same = own[n, 1e-5]
+        same = femseal_records[n, 1e-5]
         left = [f"{n}²", f"{same['seconds']:.3g}", f"{error(same['k'], exact):.2%}"]
-        for r in (r for r in of if "parts" in r):
+        for r in (r for r in records_of_size if "parts" in r):
             for flow, k in r["k"].items():
                 contact, off = r["parts"]["contact"], error(k, exact)
                 whole = contact + r["parts"][flow]
@@ -159,10 +166,10 @@ def report(records):
                 line.append(f"{off:.2%}")
                 line += [f"{whole / s:.3g}×" for s in (same["seconds"], seconds_at(off, curve))]
                 cells.append([*left, *line])
-    told = ", ".join(f"{shown(name)} {tolerance:g}" for name, tolerance in TOLERANCES.items())
+    tolerances = ", ".join(f"{shown(name)} {tolerance:g}" for name, tolerance in TOLERANCES.items())
     return f"""{table(head, cells)}
 
-Tolerances of the contact solvers: {told}.
+Tolerances of the contact solvers: {tolerances}.
 
 {failures(records, "contact", "n")}"""
 

@@ -1,6 +1,8 @@
-"""Coatings: the compliance of a layer against closed forms and finite elements, cost of a contact, constraint.
+"""Test the compliance of coated bodies, and measure the cost of their contact and the effect of a constrained coating.
 
-python tests/benchmarks/coatings.py --write
+    python tests/benchmarks/coatings.py --write
+
+The compliance is compared with closed forms and with finite elements.
 """
 
 from __future__ import annotations
@@ -30,7 +32,7 @@ TIMES_WAVE = np.geomspace(0.05, 8.0, 10)
 
 
 def closed_forms():
-    """Largest relative errors of S against closed forms."""
+    """Tabulate the largest relative error of S, the compliance factor of a layer, against closed forms."""
     t = np.geomspace(0.05, 15, 200)
     same = fs.Coated(STEEL, STEEL, 1.0)
     incompressible = fs.Coated(None, fs.Solid(1e6, 0.5), 1.0)
@@ -59,7 +61,7 @@ def closed_forms():
 
 
 def finite_elements():
-    """Compliance over that of finite elements in plane strain."""
+    """Tabulate the compliance by the formula divided by the compliance by finite elements in plane strain."""
     rows = []
     for ratio in RATIOS:
         substrate, layer = with_ratio(ratio)
@@ -82,7 +84,7 @@ def rough(n, rms_slope=0.1):
 
 
 def fastest(functions, repeats):
-    """Least CPU time of each function [s], and its last result; the functions are called in turn."""
+    """Call functions in turn; return the smallest CPU time of each function [s] and its last result."""
     times = np.full((repeats, len(functions)), np.inf)
     results = [None] * len(functions)
     for i in range(repeats):
@@ -101,7 +103,10 @@ def solve(gap0, half_space, law, pressure, deformation=None):
 
 
 def cost():
-    """CPU time of a contact with a coating over that without, loading and unloading to a half."""
+    """Tabulate the CPU time of contacts with a coating, divided by the time of contacts of solid silver.
+
+    The surface is loaded, and unloaded to half of the pressure.
+    """
     hardness = SILVER.hardness
     rows = []
     for n, repeats in ((128, 15), (512, 5)):
@@ -145,7 +150,7 @@ def cost():
 
 
 def constraint():
-    """Leakage of a turned surface on silver whose hardness is raised as by constraint, over that without."""
+    """Tabulate how the leakage of a turned surface on silver changes if the hardness of the silver is higher."""
     surface = fs.turned(
         (192, 384), (900e-6, 1.8e-3), pitch=150e-6, depth=5.9e-6, roughness=0.84e-6,
         roughness_roll_off=90e-6, feed_error=0.03, depth_error=0.1, rng=1,
@@ -154,6 +159,7 @@ def constraint():
     pressures = (20e6, 40e6, 60e6)
 
     def leakage(factor):
+        """Compute the leakage at all pressures with the hardness multiplied by a factor."""
         scene = fs.Scene(
             surface=surface,
             modulus=(STEEL, body),
@@ -175,23 +181,26 @@ def constraint():
 
 
 def main():
+    """Run all parts of the benchmark, and print and write the report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help="write the report beside the script")
     options = parser.parse_args()
     text = [
-        "## Closed forms\n\nS is the compliance divided by that of a half-space of the layer's material, as a function of "
+        "## Closed forms\n\nS is the compliance of a coated body, divided by the compliance of a half-space of the layer's "
+        "material, as a function of "
         "t = qd, with the wavenumber q and the thickness d of the layer.",
         closed_forms(),
-        "## Finite elements\n\nThe table shows the compliance by the formula divided by that of a layered block in plane strain "
+        "## Finite elements\n\nThe table shows the compliance by the formula divided by the compliance of a layered "
+        "block in plane strain "
         "(scikit-fem, quadratic elements). Poisson's ratio is 0.37 for the layer and 0.3 for the substrate.",
         finite_elements(),
         "## Cost\n\nThe last two columns show the CPU time of a contact of silver-coated steel with Inconel, divided by that of "
-        "a contact of solid silver with Inconel. The surface is self-affine with an rms slope of 0.1. It is unloaded to half "
-        "of the pressure.",
+        "a contact of solid silver with Inconel. The surface is self-affine with an rms slope of 0.1. "
+        "The surface is unloaded to half of the pressure.",
         cost(),
         "## Constraint\n\nA turned steel surface (Ra 1.6 µm, feed 150 µm) is pressed against a silver coating with a "
-        "thickness of 30 µm and a hardness of 265 MPa. The table shows the leakage if this hardness is multiplied by a "
-        'factor, divided by the leakage without the factor. "–" means that the surface is sealed without the factor.',
+        "thickness of 30 µm and a hardness of 265 MPa. The table shows the leakage with the hardness multiplied "
+        'by a factor, divided by the leakage with the original hardness. "–" means that the surface is sealed with the original hardness.',
         constraint(),
     ]
     report = "\n\n".join([machine_and_time(["scikit-fem"]), *text])

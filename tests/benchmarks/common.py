@@ -1,7 +1,7 @@
-"""What the benchmarks share: tasks in processes of their own, time, memory, tables, reports.
+"""Provide what the benchmark scripts share: a command line, processes, times, memory, tables and reports.
 
-A script of tasks gives `main` its series of tasks, what one task measures and the report of all
-records.
+A benchmark is divided into tasks. A script passes three functions to `main`: one lists the tasks, one measures
+a task, and one writes the report from the records of all tasks.
 """
 
 from __future__ import annotations
@@ -39,46 +39,64 @@ def main(
     report: Callable[[list[dict[str, Any]]], str],
     patience: float = 60.0,
 ) -> None:
-    """The command line of a script of tasks.
+    """Run the tasks of a benchmark script from its command line, and print the report.
 
-    series : of sizes and repeats, lists of tasks, dictionaries for JSON, with growing "size".
-    measure : the record of a task. report : the text of all records.
-    patience : a series ends where its last record says that a larger one would take longer [s].
+    Parameters
+    ----------
+    script : str
+        Path of the script.
+    title : str
+        Title of the report.
+    packages : tuple of str
+        Packages whose versions the report states.
+    sizes : tuple of int
+        Default of the option `--sizes`.
+    series : callable
+        Takes the sizes and the number of repetitions, and yields series of tasks. A series is a list of tasks of growing
+        size. A task is a dictionary that JSON can store; its key "size" states how large the problem is.
+    measure : callable
+        Takes a task, and returns the record of its measurement.
+    report : callable
+        Takes all records, and returns the text of the report.
+    patience : float
+        Longest expected time of a task [s]. A series ends before the first task that is expected to take longer.
     """
     doc = sys.modules["__main__"].__doc__ or title
     parser = argparse.ArgumentParser(description=doc.splitlines()[0])
     parser.add_argument("--sizes", type=int, nargs="+", default=sizes)
     parser.add_argument("--repeats", type=int, default=5)
-    parser.add_argument("--records", type=Path, help="file in which results are kept")
+    parser.add_argument("--records", type=Path, help="file in which records are stored")
     parser.add_argument("--write", action="store_true", help="write the report beside the script")
     parser.add_argument("--worker", help=argparse.SUPPRESS)
-    given = parser.parse_args()
-    if given.worker:
-        print(json.dumps(measure(json.loads(given.worker))))
+    options = parser.parse_args()
+    if options.worker:
+        print(json.dumps(measure(json.loads(options.worker))))
         return
-    found: list[dict[str, Any]] = []
-    for tasks in series(sorted(given.sizes), given.repeats):
+    records: list[dict[str, Any]] = []
+    for tasks in series(sorted(options.sizes), options.repeats):
         last = None
         for task in tasks:
             growth = task["size"] / last["size"] if last else 0.0
             if last and growth > 1 and 1.2 * growth * last["seconds"] > patience:
                 break
-            last = kept(script, task, given.records)
-            found.append(last)
-    print_report(script, title, f"{machine(packages)}.\n\n{report(found)}", given.write)
+            last = run_task(script, task, options.records)
+            records.append(last)
+    print_report(script, title, f"{machine(packages)}.\n\n{report(records)}", options.write)
 
 
-def kept(script: str, task: dict[str, Any], path: Path | None) -> dict[str, Any]:
-    """The record of a task from a file of records, else of a process of its own."""
-    known = path.read_text(encoding="utf-8").splitlines() if path and path.exists() else []
-    for record in map(json.loads, known):
+def run_task(script: str, task: dict[str, Any], path: Path | None) -> dict[str, Any]:
+    """Return the record of a task, from the file of records if it is there, or from a new process."""
+    stored = path.read_text(encoding="utf-8").splitlines() if path and path.exists() else []
+    for record in map(json.loads, stored):
         if task.items() <= record.items():
             return record
     threads = str(task.get("threads", 1))
     command = [sys.executable, script, "--worker", json.dumps(task)]
     environment = os.environ | {"OMP_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads}
-    done = subprocess.run(command, env=environment, stdout=subprocess.PIPE, text=True, check=True)
-    record = task | json.loads(done.stdout.splitlines()[-1])
+    process = subprocess.run(
+        command, env=environment, stdout=subprocess.PIPE, text=True, check=True
+    )
+    record = task | json.loads(process.stdout.splitlines()[-1])
     line = json.dumps(record)
     print(line, file=sys.stderr, flush=True)
     if path:
@@ -88,32 +106,33 @@ def kept(script: str, task: dict[str, Any], path: Path | None) -> dict[str, Any]
 
 
 def timed(solve: Callable[[], Any], repeats: int = 1) -> tuple[Any, dict[str, Any]]:
-    """The last solution, and its median CPU time [s] and peak memory beyond that before [byte].
+    """Call a function several times; return its last result, the median CPU time [s] and the added peak memory [byte].
 
-    Any failure of a program is a result: it is named in place of a solution, which is None.
+    If the function raises an error, the result is None, and the record contains the reason under the key
+    "failure".
     """
     ctypes.CDLL(None).malloc_trim(0)  # freed memory would hide what is taken again
     Path("/proc/self/clear_refs").write_text("5", encoding="utf-8")
-    before, times, found, failed = resident("VmRSS"), [], None, {}
+    before, times, result, failed = resident("VmRSS"), [], None, {}
     while len(times) < repeats and sum(times) < ENOUGH and not failed:
         start = time.process_time()
         try:
-            found = solve()
+            result = solve()
         except Exception as reason:
             failed = {"failure": f"{type(reason).__name__}: {reason}"[:100]}
         times.append(time.process_time() - start)
     memory = resident("VmHWM") - before
-    return found, failed | {"seconds": float(np.median(times)), "bytes": memory}
+    return result, failed | {"seconds": float(np.median(times)), "bytes": memory}
 
 
 def resident(name: str) -> int:
-    """Resident memory of this process, "VmRSS", or its peak, "VmHWM" [byte]."""
+    """Return the resident memory of this process [byte]: the present value ("VmRSS") or the peak value ("VmHWM")."""
     lines = Path("/proc/self/status").read_text(encoding="utf-8").splitlines()
     return 1024 * next(int(line.split()[1]) for line in lines if line.startswith(name))
 
 
 def machine(packages: Iterable[str] = ()) -> str:
-    """Date, processor and versions."""
+    """Return a line with the date, the processor, and the versions of Python, femseal and the given packages."""
     lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
     models = (line.split(":")[1].strip() for line in lines if "model name" in line)
     versions = [f"femseal {femseal.__version__}"]
@@ -133,7 +152,7 @@ def machine_and_time(packages: Iterable[str] = ()) -> str:
 
 
 def print_report(script: str, title: str, text: str, write: bool) -> None:
-    """Print a report, and write it beside the script, where the documentation takes it from."""
+    """Print a report. With `write`, also write it beside the script, where the documentation includes it."""
     print(text)
     if write:
         path = Path(script)
@@ -147,11 +166,13 @@ def table(head: list[str], cells: Iterable[Iterable[Any]]) -> str:
     return "\n".join("| " + " | ".join(map(str, line)) + " |" for line in lines)
 
 
-def ratio(record: dict[str, Any] | None, own: dict[str, Any]) -> str:
+def ratio(record: dict[str, Any] | None, femseal_record: dict[str, Any]) -> str:
     """Return the time of another program as a multiple of the time of femseal, or "–" if it was not run."""
     if record is None:
         return "–"
-    return "failed" if "failure" in record else f"{record['seconds'] / own['seconds']:.3g}×"
+    return (
+        "failed" if "failure" in record else f"{record['seconds'] / femseal_record['seconds']:.3g}×"
+    )
 
 
 def failures(records: Iterable[dict[str, Any]], *names: str) -> str:
@@ -176,16 +197,16 @@ def failures(records: Iterable[dict[str, Any]], *names: str) -> str:
 
 
 def read_rows(paths: Iterable[str | Path]) -> list[dict[str, str]]:
-    """The rows of CSV files."""
-    found = []
+    """Read the rows of several CSV files into one list."""
+    rows = []
     for path in paths:
         with open(path, newline="", encoding="utf-8") as file:
-            found += list(csv.DictReader(file))
-    return found
+            rows += list(csv.DictReader(file))
+    return rows
 
 
 def write_rows(path: str | Path, rows: Iterable[dict[str, Any]]) -> None:
-    """Rows to a CSV file, each as soon as it is there."""
+    """Write rows to a CSV file, each row as soon as it has been computed."""
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = None
         for row in rows:
@@ -196,21 +217,27 @@ def write_rows(path: str | Path, rows: Iterable[dict[str, Any]]) -> None:
             file.flush()
 
 
-def band_cells(rows: list[dict[str, str]], banded: bool = True) -> list[str]:
-    """Count of loads, quantiles of leakage over truth, how often the band holds, its half-width."""
+def interval_cells(rows: list[dict[str, str]], with_interval: bool = True) -> list[str]:
+    """Return table cells on leakages relative to the true leakage, and on their intervals.
+
+    The cells are the number of loads, quantiles of the ratio, the coverage and the median half-width of the
+    intervals.
+
+    Without `with_interval`, the last two cells are empty.
+    """
     names = ("leakage", "truth", "lower", "upper")
     q, truth, lower, upper = (np.array([float(row[name]) for row in rows]) for name in names)
     ratios = [f"{r:.2f}" for r in np.quantile(q / truth, [0.05, 0.25, 0.5, 0.75, 0.95])]
-    if not banded:
+    if not with_interval:
         return [str(len(rows)), *ratios, "", ""]
     with np.errstate(divide="ignore", invalid="ignore"):
         width = np.nanmedian(np.maximum(upper / q, q / lower))
-    held = np.mean((lower <= truth) & (truth <= upper))
-    return [str(len(rows)), *ratios, f"{held:.0%}", f"{width:.2g}"]
+    coverage = np.mean((lower <= truth) & (truth <= upper))
+    return [str(len(rows)), *ratios, f"{coverage:.0%}", f"{width:.2g}"]
 
 
-#: The heads of `band_cells`.
-BAND_HEAD = [
+#: The heads of `interval_cells`.
+INTERVAL_HEAD = [
     "loads",
     "5 %",
     "25 %",

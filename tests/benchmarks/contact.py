@@ -1,12 +1,12 @@
-"""Contact solvers on equal terms: time to a residual that one independent function computes.
+"""Compare contact solvers: the time to reach a residual that one independent function computes.
 
     python tests/benchmarks/contact.py --sizes 128
     python tests/benchmarks/contact.py --records contact.jsonl --write
 
-Surfaces are self-affine (Hurst 0.8, roll-off an eighth of the size, shortest wave 8 pixels, rms
-slope 0.2), periodic, E* = 115 GPa. Each solver runs through its own tolerances until the residual
-is small enough; the CPU time of that run, median of the repeats, is what counts; plans and
-compilation are made before.
+The surfaces are self-affine and periodic, with a Hurst exponent of 0.8, a roll-off of an eighth of the side, a
+shortest wave of 8 pixels, an rms slope of 0.2 and E* = 115 GPa. Each solver is run with smaller and smaller
+values of its own tolerance until the residual is small enough. The report contains the CPU time of the last
+run, as the median of its repetitions. FFT plans and compiled functions are prepared before.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ELASTIC = ("ASPHER",)
 
 
 def undeformed_gap(n):
-    """Undeformed gap (n, n) [m]."""
+    """Return the undeformed gap (n, n) [m] of the self-affine surface."""
     from femseal import self_affine
 
     side = n * SPACING
@@ -38,7 +38,11 @@ def undeformed_gap(n):
 
 
 def residual(pressure, gap0, hardness):
-    """‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ with v = Kp + h₁, c = πE*/4Δ and the δ of the load."""
+    """Compute the residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ of a contact pressure p.
+
+    Here v = Kp + h₁ is the gap before the approach δ, and c = πE*/4Δ is a scale with the pixel size Δ. The
+    approach δ is the one for which clip(p − c(v − δ), 0, H) has the same mean pressure as p.
+    """
     import scipy.fft
     from scipy.optimize import brentq
 
@@ -50,9 +54,11 @@ def residual(pressure, gap0, hardness):
     c = np.pi * MODULUS / (4 * SPACING)
 
     def moved(delta):
+        """Return clip(p − c(v − δ), 0, H)."""
         return np.clip(pressure - c * (v - delta), 0, hardness)
 
     def missing(delta):
+        """Return the difference between the sums of the clipped pressure and of the pressure."""
         return moved(delta).sum() - pressure.sum()
 
     reach = pressure.max() / c
@@ -61,7 +67,10 @@ def residual(pressure, gap0, hardness):
 
 
 def solver_of(name, shape, hardness):
-    """Contact of an undeformed gap and pressure to a tolerance: pressure and transforms."""
+    """Return a function of undeformed gap, load and tolerance that gives the pressure and the number of FFT pairs.
+
+    The number of FFT pairs is None for other programs.
+    """
     from femseal import HalfSpace, solve_contact
 
     if name != "femseal":
@@ -70,14 +79,14 @@ def solver_of(name, shape, hardness):
     body = HalfSpace(shape, (SPACING, SPACING), MODULUS)
 
     def solve(gap0, load, rtol):
-        found = solve_contact(gap0, body, pressure=load, hardness=hardness, rtol=rtol, threads=1)
-        return found.pressure, found.fft_pairs
+        contact = solve_contact(gap0, body, pressure=load, hardness=hardness, rtol=rtol, threads=1)
+        return contact.pressure, contact.fft_pairs
 
     return solve
 
 
 def measure(task):
-    """Record of one solver at one load: the loosest of its tolerances that reaches the residual."""
+    """Return the record of one solver at one load, for the loosest of its tolerances that reaches the residual."""
     name, gap0 = task["solver"], undeformed_gap(task["n"])
     hardness = task["hardness"] or np.inf
     solve = solver_of(name, gap0.shape, hardness)
@@ -86,12 +95,12 @@ def measure(task):
     spent, record = 0.0, {}
     for tolerance in tolerances:
         run = partial(solve, gap0, task["pressure"], tolerance)
-        found, record = timed(run, task["repeats"])
+        result, record = timed(run, task["repeats"])
         spent += record["seconds"]
-        if found is None:
+        if result is None:
             return record
-        reached = residual(found[0], gap0, hardness)
-        record |= {"pairs": found[1], "residual": reached}
+        reached = residual(result[0], gap0, hardness)
+        record |= {"pairs": result[1], "residual": reached}
         if reached <= task["target"] or spent > 60:
             break
     if record["residual"] > task["target"]:
@@ -100,7 +109,10 @@ def measure(task):
 
 
 def series(sizes, repeats):
-    """A series for each solver, hardness, pressure and residual; JSON has no infinity."""
+    """Yield one series of tasks over the sizes for each solver, hardness, pressure and residual.
+
+    A hardness of None stands for an elastic contact, because JSON has no infinity.
+    """
     for solver in ("femseal", *present(PROGRAMS[1:])):
         for hardness in (None,) if solver in ELASTIC else (HARDNESS, None):
             for pressure in PRESSURES if hardness else PRESSURES + HIGH:
@@ -111,19 +123,21 @@ def series(sizes, repeats):
 
 
 def report(records):
-    """The table of all records."""
+    """Write the table of all records, and the list of failures."""
     head = ["n", "H [GPa]", "p̄ [MPa]", "residual", "femseal [s] (FFT pairs)", *PROGRAMS[1:]]
-    found = {}
+    by_task = {}
     for r in records:
         key = r["n"], r["hardness"] or math.inf, r["pressure"], -r["target"]
-        found.setdefault(key, {})[r["solver"]] = r
+        by_task.setdefault(key, {})[r["solver"]] = r
     cells = []
-    for (n, hardness, pressure, target), of in sorted(found.items()):
-        own = of["femseal"]
+    for (n, hardness, pressure, target), by_solver in sorted(by_task.items()):
+        femseal_record = by_solver["femseal"]
         bound = "∞" if hardness == math.inf else f"{hardness / 1e9:g}"
         line = [n, bound, f"{pressure / 1e6:g}", f"{-target:.0e}"]
-        line.append(f"{own['seconds']:.3g} ({own['pairs']})")
-        cells.append([*line, *(ratio(of.get(name), own) for name in PROGRAMS[1:])])
+        line.append(f"{femseal_record['seconds']:.3g} ({femseal_record['pairs']})")
+        cells.append(
+            [*line, *(ratio(by_solver.get(name), femseal_record) for name in PROGRAMS[1:])]
+        )
     return f"""The CPU times of the other programs are multiples of the time of femseal. "–" means that a run would have taken too long.
 
 {table(head, cells)}

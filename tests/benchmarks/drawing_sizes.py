@@ -1,10 +1,11 @@
-"""How large a generated surface must be for a seal from a drawing, and how many points its marks need.
+"""Find how large a generated surface must be for a seal from a drawing, and how many points its marks need.
 
     python tests/benchmarks/drawing_sizes.py
 
-The ring of the tutorial is turned soft copper, 1.8 mm broad, with marks every 0.15 mm. Surfaces of several sizes and
-seeds stand for it. The script prints a table of the leakage and of the ends of its 95 % interval, as geometric means over the
-seeds, and of the largest leakage over the smallest one. It takes about half an hour on one core.
+The ring of the tutorial is made of turned soft copper. It is 1.8 mm wide and has marks every 0.15 mm. Its
+leakage is computed from generated surfaces of several sizes and seeds. The script prints a table of the leakage
+and of the ends of its 95 % interval, as geometric means over the seeds, and of the largest leakage divided by
+the smallest leakage. It takes about half an hour on one core.
 """
 
 import argparse
@@ -33,7 +34,10 @@ PRESSURES = (40, 60, 80)
 
 
 def solved(across, along, per_mark, seed):
-    """Leakage of the ring and the ends of its interval [mbar·L/s] at `PRESSURES`, (value or end, pressure)."""
+    """Compute the leakage of the ring and the ends of its interval [mbar·L/s] at `PRESSURES`.
+
+    The axes of the result are (leakage, lower end or upper end; pressure).
+    """
     tables = tomllib.loads(case_of_drawing(read_drawing(DRAWING, None)))
     tables["seed"] = seed
     tables["face"]["points"] = [across * per_mark, along * per_mark]
@@ -49,9 +53,9 @@ def solved(across, along, per_mark, seed):
     return np.array([results.leakage.values, budget.lower, budget.upper])[:, 1:] / factor
 
 
-def line(label, found):
-    """A line of the table: (seed, value or end, pressure)."""
-    leakage, lower, upper = (np.array([one[n] for one in found]) for n in range(3))
+def line(label, results):
+    """Print a row of the table from results with the axes (seed; leakage, lower end or upper end; pressure)."""
+    leakage, lower, upper = (np.array([result[n] for result in results]) for n in range(3))
     mean = np.exp(np.log(leakage).mean(axis=0))
     below = np.exp(np.log(leakage / lower).mean(axis=0))
     above = np.exp(np.log(upper / leakage).mean(axis=0))
@@ -64,13 +68,14 @@ def line(label, found):
 
 
 def main():
+    """Compute all sizes and numbers of points, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--seeds", type=int, default=3)
     seeds = range(1, parser.parse_args().seeds + 1)
     print(f"| surface | {' | '.join(f'{p} MPa' for p in PRESSURES)} |")
     for across, along in SIZES:
-        found = [solved(across, along, POINTS_PER_MARK, seed) for seed in seeds]
-        line(f"{across} × {along} marks", found)
+        results = [solved(across, along, POINTS_PER_MARK, seed) for seed in seeds]
+        line(f"{across} × {along} marks", results)
     for per_mark in FINER:
         line(f"{per_mark} points per mark", [solved(12, 24, per_mark, seed) for seed in seeds])
 

@@ -1,7 +1,7 @@
-"""Scenes drawn at random: rough faces of several kinds and their loads, the same on any grid.
+"""Generate random scenes: rough surfaces of several kinds and their loads, identical on any grid.
 
-A face is made of waves that its grid resolves with 8 pixels, so that `Drawn.scene(2)` is the same
-face on twice the points. Every number of a scene follows from its kind and its seed.
+A surface consists of waves that its grid resolves with at least 8 pixels. `Drawn.scene(2)` therefore contains
+the same surface on twice the points per side. All numbers of a scene follow from its kind and its seed.
 """
 
 from __future__ import annotations
@@ -39,11 +39,20 @@ FINER = 4
 
 @dataclass(frozen=True)
 class Drawn:
-    """A scene of a kind and a seed.
+    """A random scene of a kind and a seed.
 
-    length : of the face along x2 in sides.
-    side : points of a side, a multiple of 16; drawn unless given.
-    breadth : of the face along x1 in sides, whose waves are those of one side.
+    Parameters
+    ----------
+    kind : str
+        Kind of the surface, one of `KINDS`.
+    seed : int
+        Seed of the random numbers.
+    length : int
+        Length of the surface along x2, in sides of a square patch.
+    side : int
+        Number of points on a side of the patch, a multiple of 16; 0 for a random choice.
+    breadth : int
+        Width of the surface along x1, in sides of a square patch. The longest waves follow from the side of the patch.
     """
 
     kind: str
@@ -54,7 +63,7 @@ class Drawn:
 
     @cached_property
     def numbers(self) -> dict:
-        """What is drawn, in an order that is never changed."""
+        """Random numbers of the scene. Their order must not change, so that scenes stay the same."""
         rng = np.random.default_rng([KINDS.index(self.kind), self.seed])
         points = int(rng.choice(SIDES))
         rng.choice([w for w in CELLS if points % w == 0 and 1 < points // w < 12])
@@ -88,12 +97,12 @@ class Drawn:
 
     @property
     def points(self) -> tuple[int, int]:
-        """Points of the face along x1 and x2."""
+        """Number of points of the surface along x1 and x2."""
         n = self.numbers["points"]
         return self.breadth * n, self.length * n
 
     def surface(self, times: int = 1, *, filtered: bool = True):
-        """The face on `times` as many points a side; unfiltered with the waves that are removed."""
+        """Return the surface on `times` as many points per side, with or without the waves that the filter removes."""
         shape = tuple(times * n for n in self.points)
         if self.kind == "filtered":
             fine = self._made(FINER)
@@ -103,6 +112,7 @@ class Drawn:
         return self._made(1).resample(shape)
 
     def _made(self, finer: int):
+        """Generate the surface on `finer` times as many points per side as the scene."""
         n = self.numbers
         (n1, n2), rng = self.points, np.random.default_rng(n["face"])
         shape, size = (finer * n1, finer * n2), (n1 * PIXEL, n2 * PIXEL)
@@ -186,7 +196,7 @@ class Drawn:
         return Topography(face.heights * scale, face.spacing, face.periodic)
 
     def scene(self, times: int = 1, *, filtered: bool = True):
-        """The scene on `times` as many points a side."""
+        """Return the scene on `times` as many points per side."""
         n = self.numbers
         slope = n["slope"] / 2 if self.kind == "filtered" else self._made(1).rms_slope
         highest = MODULUS * slope * n["highest"]
@@ -205,7 +215,7 @@ class Drawn:
 
 
 def _grooves(shape, pixel, angles, depths, rng):
-    """Depth of straight grooves at random places, at angles to x1, periodic along x2."""
+    """Return the depth of straight grooves at random positions, at given angles to x1, periodic along x2."""
     x1, x2 = ((np.arange(count) + 0.5) * pixel for count in shape)
     length, total = shape[1] * pixel, np.zeros(shape)
     for angle, depth in zip(angles, depths, strict=True):
@@ -216,7 +226,10 @@ def _grooves(shape, pixel, angles, depths, rng):
 
 
 def _bumps(shape, size, count, widest, rng, side):
-    """Gaussian bumps up to a width in sides [m], periodic, without waves shorter than 8 pixels."""
+    """Return a surface of Gaussian bumps, periodic and without waves shorter than 8 pixels.
+
+    The largest width of a bump is `widest` times the length `side` [m].
+    """
     q1 = 2 * np.pi * fft.fftfreq(shape[0], size[0] / shape[0])[:, None]
     q2 = 2 * np.pi * fft.rfftfreq(shape[1], size[1] / shape[1])[None, :]
     total = 0.0

@@ -1,8 +1,8 @@
-"""Experiments of others against femseal: what is fitted on loading, and what of the rest is predicted.
+"""Compare femseal with published experiments: fit the loading, and predict the other measured values.
 
     python tests/benchmarks/experiments.py --write
 
-Numbers of others stand in `measured/`, with their sources and doubts. Nothing is downloaded.
+The measured values are stored in `measured/`, with their sources and uncertainties. Nothing is downloaded.
 """
 
 from __future__ import annotations
@@ -37,14 +37,18 @@ SEEDS = range(1, 7)
 
 
 def measured(name):
-    """Rows of a file of numbers of others, as dictionaries."""
+    """Read a file of measured values as a list of dictionaries."""
     lines = (HERE / "measured" / f"{name}.csv").read_text(encoding="utf-8").splitlines()
     return list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
 @dataclass(frozen=True)
 class Cycle:
-    """A load cycle: loads over the highest, and what was measured there, on loading and on unloading."""
+    """Measured values over a load cycle.
+
+    The loads `loads` on loading and `unloads` on unloading are divided by the highest load. The arrays `values`
+    and `unloaded` contain the values measured at these loads.
+    """
 
     loads: np.ndarray
     values: np.ndarray
@@ -53,10 +57,14 @@ class Cycle:
 
     @classmethod
     def of(cls, lines, load, value):
-        """The cycle of lines of a file whose load and value have these keys."""
+        """Make the cycle from the rows of a file, with the names of the columns of the load and of the measured value."""
         up, down = (
             np.array(
-                [(float(one[load]), float(one[value])) for one in lines if one["branch"] == branch]
+                [
+                    (float(line[load]), float(line[value]))
+                    for line in lines
+                    if line["branch"] == branch
+                ]
             )
             for branch in ("load", "unload")
         )
@@ -66,7 +74,7 @@ class Cycle:
 
 @cache
 def face(seed):
-    """Heights of a face (n, n), in sides of the face."""
+    """Generate the heights (n, n) of a surface, as fractions of its side."""
     n = POINTS
     size = (1.0, 1.0)
     return self_affine(
@@ -80,13 +88,15 @@ LADDER = tuple(np.array([3, 6, 9, 12, 24, 36, 48, 60, 72, 84, 96, 108, 120]) / 1
 
 @cache
 def branch(seed, load, hardness, least, unloading):
-    """Loads over the highest, permeability and mean gap of a face there, on loading or on unloading.
+    """Solve a surface on loading or on unloading from the highest load.
 
-    load : the highest nominal pressure over E* × rms slope. hardness : over that pressure. least : the least of LADDER.
+    The argument `load` is the highest nominal pressure divided by E* × rms slope, and `hardness` is the
+    hardness divided by this pressure. Loads of `LADDER` below `least` are left out. Returns the loads divided
+    by the highest load, the permeabilities and the mean gaps.
     """
     spacing = (1 / POINTS, 1 / POINTS)
     highest = load * UNIT * SLOPE
-    loads = np.array([one for one in LADDER if one >= least])
+    loads = np.array([load_ratio for load_ratio in LADDER if load_ratio >= least])
     heights = face(seed)
     states = load_cycle(
         heights.max() - heights,
@@ -105,23 +115,23 @@ def branch(seed, load, hardness, least, unloading):
 
 
 def at(loads, solved):
-    """Permeability and mean gap at loads over the highest, from what was solved."""
+    """Interpolate permeability and mean gap at loads (divided by the highest load) between the solved states."""
     known, k, gaps = solved
     with np.errstate(divide="ignore", invalid="ignore"):
         return tuple(
-            np.exp(np.interp(np.log(loads), np.log(known), np.log(one))) for one in (k, gaps)
+            np.exp(np.interp(np.log(loads), np.log(known), np.log(values))) for values in (k, gaps)
         )
 
 
-def cycle(one, seed, load, hardness, least):
-    """Permeabilities and mean gaps of a face at the loads of a measured cycle: ((up, down), (up, down))."""
-    up = at(one.loads, branch(seed, load, hardness, least, False))
-    down = at(one.unloads, branch(seed, load, hardness, least, True))
+def cycle(measured_cycle, seed, load, hardness, least):
+    """Return permeabilities and mean gaps of a surface at the loads of a measured cycle: ((up, down), (up, down))."""
+    up = at(measured_cycle.loads, branch(seed, load, hardness, least, False))
+    down = at(measured_cycle.unloads, branch(seed, load, hardness, least, True))
     return tuple(zip(up, down, strict=True))
 
 
 def distance(logs, wanted, weights=None):
-    """Root mean square of ln(computed) − ln(measured) with the best factor between them, and ln of that factor."""
+    """Return the rms of ln(computed × factor) − ln(measured) for the best factor, and ln of this factor."""
     weights = np.ones(len(wanted)) if weights is None else weights
     if not np.isfinite(logs).all():
         return np.inf, np.nan
@@ -132,7 +142,7 @@ def distance(logs, wanted, weights=None):
 
 @dataclass(frozen=True)
 class Fit:
-    """The best face of a seed by a loading curve: its numbers, the error there, ln of the factor of k."""
+    """Best fit of the surface of a seed to a loading curve: its parameters, its rms error, and ln of the factor of k."""
 
     seed: int
     load: float
@@ -141,26 +151,31 @@ class Fit:
     factor: float
 
 
-def fitted(one, sign, loads, hardnesses, seed, least, weights=None):
-    """The fit of a seed by the loading branch alone; measured are permeabilities (sign 1) or resistances (−1)."""
-    wanted = np.log(one.values)
-    found = []
+def fitted(measured_cycle, sign, loads, hardnesses, seed, least, weights=None):
+    """Fit load and hardness of the surface of a seed to the loading branch alone.
+
+    The measured values are permeabilities if `sign` is 1, and resistances if `sign` is −1.
+    """
+    wanted = np.log(measured_cycle.values)
+    fits = []
     for hardness in hardnesses:
         for load in loads:
-            k, _ = at(one.loads, branch(seed, float(load), float(hardness), least, False))
+            k, _ = at(
+                measured_cycle.loads, branch(seed, float(load), float(hardness), least, False)
+            )
             with np.errstate(divide="ignore"):
                 error, factor = distance(sign * np.log(k), wanted, weights)
-            found.append(Fit(seed, float(load), float(hardness), error, factor))
-    return min(found, key=lambda fit: fit.error)
+            fits.append(Fit(seed, float(load), float(hardness), error, factor))
+    return min(fits, key=lambda fit: fit.error)
 
 
 def number(value, digits=2):
-    """A number with some digits, and all of those before the point."""
+    """Write a number with some significant digits, and with all digits before the decimal point."""
     return f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"
 
 
 def band(values, digits=2):
-    """Median and range of some numbers, as a text."""
+    """Write the median and the range of some numbers as a text."""
     low, middle, high = (
         number(v, digits) for v in (np.min(values), np.median(values), np.max(values))
     )
@@ -168,17 +183,17 @@ def band(values, digits=2):
 
 
 def rms(values):
-    """Root mean square."""
+    """Compute the root mean square."""
     return np.sqrt(np.mean(np.square(values)))
 
 
 def times(logs):
-    """The factor of the median of some errors of ln, as a text."""
+    """Write exp(median) of errors of a logarithm as a factor."""
     return f"× {np.exp(np.median(logs)):.2f}"
 
 
 def rows_table(rows):
-    """Table of rows that are dictionaries by the heads of its columns."""
+    """Write a table from rows that are dictionaries; their keys are the heads of the columns."""
     return table(list(rows[0]), [row.values() for row in rows])
 
 
@@ -199,39 +214,49 @@ GRANITE_HARDNESSES = (5, 9, 18, 40, 90, MINERAL / PEAK)
 
 
 def granite():
-    """Each specimen: the fits with the hardness of the minerals, and the hardness that its unloading asks for."""
+    """Fit each specimen on loading, with the hardness of the minerals and with lower hardnesses."""
     lines = measured("granite_cycles")
-    found = {}
+    records = {}
     for name in dict.fromkeys(line["specimen"] for line in lines):
-        own = [line for line in lines if line["specimen"] == name]
-        one = Cycle.of(own, "sigma_eff", "k")
+        specimen_lines = [line for line in lines if line["specimen"] == name]
+        measured_cycle = Cycle.of(specimen_lines, "sigma_eff", "k")
         by_hardness = {}
         for hardness in GRANITE_HARDNESSES:
-            fits = [fitted(one, 1, GRANITE_LOADS, [hardness], seed, HALF) for seed in SEEDS]
+            fits = [
+                fitted(measured_cycle, 1, GRANITE_LOADS, [hardness], seed, HALF) for seed in SEEDS
+            ]
             curves = []
             for fit in fits:
-                (_, k), _ = cycle(one, fit.seed, fit.load, fit.hardness, HALF)
+                (_, k), _ = cycle(measured_cycle, fit.seed, fit.load, fit.hardness, HALF)
                 curves.append(k * np.exp(fit.factor))
             by_hardness[hardness] = fits, np.array(curves)
-        found[name] = {"face": own[0]["face"], "cycle": one, "by_hardness": by_hardness}
-    return found
+        records[name] = {
+            "face": specimen_lines[0]["face"],
+            "cycle": measured_cycle,
+            "by_hardness": by_hardness,
+        }
+    return records
 
 
-def unloading_error(one, curves):
-    """Root mean square of ln(computed/measured) on unloading, of each curve, without what is called an outlier."""
-    logs = np.log(curves / one.unloaded)
-    kept = np.append(np.diff(np.log(one.unloaded)) > OUTLIER, True)
-    return np.sqrt(np.mean(logs[:, kept] ** 2, axis=1))
+def unloading_error(measured_cycle, curves):
+    """Compute the rms of ln(computed/measured) on unloading for each curve, without outliers."""
+    logs = np.log(curves / measured_cycle.unloaded)
+    is_used = np.append(np.diff(np.log(measured_cycle.unloaded)) > OUTLIER, True)
+    return np.sqrt(np.mean(logs[:, is_used] ** 2, axis=1))
 
 
-def granite_tables(found):
-    """Table of the prediction, and of the hardness that would give the cycle."""
+def granite_tables(records):
+    """Write the table of the predictions, and the table of the hardness that fits the unloading best."""
     predicted, asked = [], []
     unloaded, error = "k at 10 MPa after unloading / k at the peak", "error on unloading"
-    for name, record in found.items():
-        one, by_hardness = record["cycle"], record["by_hardness"]
+    for name, record in records.items():
+        measured_cycle, by_hardness = record["cycle"], record["by_hardness"]
         fits, curves = by_hardness[MINERAL / PEAK]
-        first, peak, last = one.values[0], one.values[-1], one.unloaded[-1]
+        first, peak, last = (
+            measured_cycle.values[0],
+            measured_cycle.values[-1],
+            measured_cycle.unloaded[-1],
+        )
         spread = np.array([PEAK / (GRANITE * fit.load) for fit in fits])
         # k = (height scale)³ × k of the face of side 1 and slope SLOPE
         side = np.exp(np.array([fit.factor for fit in fits]) / 3) * np.cbrt(HEIGHT) * SLOPE / spread
@@ -247,10 +272,12 @@ def granite_tables(found):
                 "predicted, relative to the peak": band(curves[:, -1] / peak, 3),
                 "k at 10 MPa after unloading / k at the first load": f"{last / first:.2f}",
                 "predicted, relative to the first load": band(curves[:, -1] / first, 3),
-                error: times(unloading_error(one, curves)),
+                error: times(unloading_error(measured_cycle, curves)),
             }
         )
-        errors = {h: np.median(unloading_error(one, c)) for h, (_, c) in by_hardness.items()}
+        errors = {
+            h: np.median(unloading_error(measured_cycle, c)) for h, (_, c) in by_hardness.items()
+        }
         best = min(errors, key=errors.get)
         fits, curves = by_hardness[best]
         asked.append(
@@ -276,54 +303,58 @@ RIM, READING, RELATIVE = 1.0, 0.05, 0.05
 ROCK_LOADS, ROCK_HARDNESSES = np.geomspace(0.003, 0.3, 14), (1.5, 2, 3, 5, 8, 15, 40)
 
 
-def closures(gaps, up, down, one):
-    """Closure [mm] on loading and unloading: a length times that of the face and a compliance, fitted on loading.
+def closures(gaps, up, down, measured_cycle):
+    """Fit the measured closure [mm] on loading by the closure of the surface and the compliance of the rock.
 
-    Both from the first load on. Returns the two curves, length and compliance.
+    The closure is counted from the first load. It is modelled as a length times the closure of the surface of
+    side 1, plus a compliance times the load. Returns the two fitted curves (loading, unloading), the length and
+    the compliance.
     """
     face_up, face_down = gaps[0][0] - gaps[0], gaps[0][0] - gaps[1]
-    system = np.column_stack([face_up, one.loads - one.loads[0]])
+    system = np.column_stack([face_up, measured_cycle.loads - measured_cycle.loads[0]])
     (length, compliance), *_ = np.linalg.lstsq(system, up - up[0], rcond=None)
     if compliance < 0:
         length, compliance = float(face_up @ (up - up[0]) / (face_up @ face_up)), 0.0
     return (
-        length * face_up + compliance * (one.loads - one.loads[0]),
-        length * face_down + compliance * (one.unloads - one.loads[0]),
+        length * face_up + compliance * (measured_cycle.loads - measured_cycle.loads[0]),
+        length * face_down + compliance * (measured_cycle.unloads - measured_cycle.loads[0]),
         length,
         compliance,
     )
 
 
 def fractures():
-    """Each specimen: the fits of the fluid pressure on loading, and unloading and closure by them."""
+    """Fit the fluid pressure of each specimen on loading, and predict its unloading and the closure."""
     lines = measured("rock_fractures")
-    found = {}
+    specimens = {}
     for name in dict.fromkeys(line["specimen"] for line in lines):
-        own = [line for line in lines if line["specimen"] == name]
+        specimen_lines = [line for line in lines if line["specimen"] == name]
         pressure, closure = (
-            Cycle.of(own, "force_kN", key) for key in ("fluid_pressure", "closure_mm")
+            Cycle.of(specimen_lines, "force_kN", key) for key in ("fluid_pressure", "closure_mm")
         )
         above = (pressure.values - RIM, pressure.unloads, pressure.unloaded - RIM)
-        one, records = Cycle(pressure.loads, *above), []
-        weights = 1 / (RELATIVE**2 + (READING / one.values) ** 2)
+        excess_pressure, records = Cycle(pressure.loads, *above), []
+        weights = 1 / (RELATIVE**2 + (READING / excess_pressure.values) ** 2)
         for seed in SEEDS:
-            fit = fitted(one, -1, ROCK_LOADS, ROCK_HARDNESSES, seed, LADDER[0], weights)
-            k, gaps = cycle(one, seed, fit.load, fit.hardness, LADDER[0])
-            up, down, length, compliance = closures(gaps, closure.values, closure.unloaded, one)
+            fit = fitted(excess_pressure, -1, ROCK_LOADS, ROCK_HARDNESSES, seed, LADDER[0], weights)
+            k, gaps = cycle(excess_pressure, seed, fit.load, fit.hardness, LADDER[0])
+            up, down, length, compliance = closures(
+                gaps, closure.values, closure.unloaded, excess_pressure
+            )
             factor = np.exp(fit.factor)
             scale = np.cbrt(RATE * VISCOSITY * LOG_RADII / (2 * np.pi * 1e5 * factor))
             record = {"fit": fit, "up": factor / k[0], "down": factor / k[1], "closure": (up, down)}
             record |= {"length": 1e-3 * length, "scale": scale, "compliance": compliance}
             records.append(record)
-        found[name] = {"pressure": one, "closure": closure, "records": records}
-    return found
+        specimens[name] = {"pressure": excess_pressure, "closure": closure, "records": records}
+    return specimens
 
 
-def fracture_tables(found):
-    """Tables of fluid pressure and of closure."""
+def fracture_tables(specimens):
+    """Write the table of the fluid pressure and the table of the closure."""
     flow, closing, highest = [], [], 120e3 / (np.pi * RADIUS**2)
-    for name, one in found.items():
-        pressure, closure, records = one["pressure"], one["closure"], one["records"]
+    for name, specimen in specimens.items():
+        pressure, closure, records = specimen["pressure"], specimen["closure"], specimen["records"]
         fits = [r["fit"] for r in records]
         half = int(np.argmin(abs(pressure.unloads - 0.5)))
         first, peak = pressure.values[0], pressure.values[-1]
@@ -394,7 +425,7 @@ FINISHES = ("turned", "turned, radial scratch", "ground")
 
 @cache
 def flange(finish, seed):
-    """Heights (n, n) [m] of a flange face; flow is along x1, across the grooves."""
+    """Generate the heights (n, n) [m] of a flange face; the flow is along x1, across the grooves."""
     shape, size = (POINTS, POINTS), (POINTS * PIXEL, POINTS * PIXEL)
     ends = {"cut_off": 8 * PIXEL, "rng": seed}
     if finish == "ground":
@@ -410,7 +441,7 @@ def flange(finish, seed):
 
 
 def flange_gap(finish, seed, modulus, hardness, pressure):
-    """Gap (n, n) [m] of a flange face under a nominal pressure."""
+    """Solve the gap (n, n) [m] of a flange face under a nominal pressure."""
     heights = flange(finish, seed)
     body = HalfSpace((POINTS, POINTS), (PIXEL, PIXEL), modulus)
     load = {"pressure": pressure, "hardness": hardness, "rtol": 1e-4}
@@ -418,13 +449,16 @@ def flange_gap(finish, seed, modulus, hardness, pressure):
 
 
 def mass_rate(permeability):
-    """Leakage of helium per length of gasket [kg/(m s)]."""
+    """Compute the leakage of helium per length of gasket [kg/(m s)]."""
     inlet, outlet = HELIUM.potential([INLET, OUTLET])
     return permeability * (inlet - outlet) / BREADTH
 
 
 def needed_stress(finish, seed, modulus, hardness):
-    """Nominal pressure [Pa] from which the leakage is within the class, by bisection; nearly the hardness if none."""
+    """Find the nominal pressure [Pa] from which on the leakage is within the class, by bisection.
+
+    If no pressure is enough, the result is nearly the hardness.
+    """
     gas = {"law": HELIUM.law, "pressure": (INLET + OUTLET) / 2}
     low, high = 1e-3 * hardness, 0.99 * hardness
     while high / low > 1.03:
@@ -436,22 +470,22 @@ def needed_stress(finish, seed, modulus, hardness):
 
 
 def groove_leakage(seed, modulus, hardness, pressure):
-    """Leakage along the spiral of one groove of the turned face [kg/(m s)], the lands being closed."""
+    """Compute the leakage along the spiral groove of the turned face [kg/(m s)] when its lands are closed."""
     gap = flange_gap("turned", seed, modulus, hardness, pressure)
     along = cell_permeability(gap, (PIXEL, PIXEL), axis=1, sides="periodic").value
     return mass_rate(along * (PITCH / (2 * np.pi * RING)) ** 2)
 
 
 def gaskets():
-    """Each metal: stress of the table, hardness, needed stress by finish and seed, leakage along the groove."""
+    """Compute the rows of the table of gaskets: needed stresses by finish, and the leakage along the groove."""
     rows = []
     for line in measured("metal_gaskets"):
         strength, grade = YIELDS[line["metal"]]
         solid = Solid(1e6 * float(line["E0"]), 0.3, strength)
-        given = contact_modulus(solid, Solid(210e9, 0.3)), solid.hardness
+        materials = contact_modulus(solid, Solid(210e9, 0.3)), solid.hardness
         stress = 1e6 * float(line["Q0min"])
-        needed = {f: [needed_stress(f, seed, *given) for seed in (1, 2, 3)] for f in FINISHES}
-        groove = groove_leakage(1, *given, min(stress, 0.95 * solid.hardness))
+        needed = {f: [needed_stress(f, seed, *materials) for seed in (1, 2, 3)] for f in FINISHES}
+        groove = groove_leakage(1, *materials, min(stress, 0.95 * solid.hardness))
         row = {"metal": f"{line['metal']} ({grade})", "σ_y [MPa]": f"{strength / 1e6:.0f}"}
         row |= {"y [MPa]": f"{stress / 1e6:.0f}", "y/H": f"{stress / solid.hardness:.2f}"}
         row |= {f"stress needed [MPa], {f}": band(np.array(needed[f]) / 1e6) for f in FINISHES}
@@ -464,14 +498,15 @@ def gaskets():
 
 
 def timed(name, function):
-    """Call a function and print its time."""
+    """Call a function, and print how long it took."""
     start = time.process_time()
-    found = function()
+    result = function()
     print(f"{name}: {time.process_time() - start:.0f} s of one core", file=sys.stderr, flush=True)
-    return found
+    return result
 
 
 def main():
+    """Run all comparisons, and print and write the report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help="write the report")
     options = parser.parse_args()

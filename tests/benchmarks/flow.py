@@ -1,14 +1,14 @@
-"""Permeability of a cell on equal terms: time, memory, failures, and error against refinement.
+"""Compare solvers for the permeability of a cell: time, memory, failures, and error on finer and finer grids.
 
     python tests/benchmarks/flow.py --sizes 256
     python tests/benchmarks/flow.py --records flow.jsonl --write
 
-Gaps are self-affine (Hurst 0.8, shortest wave 8 pixels, longest a quarter of the cell), cut by a
-plane at a given fraction of contact, or those of an elastic-plastic contact; pressure drops along
-x1, x2 is periodic. Peers: bilinear elements by scikit-fem and pyamg, and reynoldsflow with its
-default solver and with PARDISO. One thread each, in a process of their own, compilation before; a
-gap of pixels in, one number out. The error is that against Richardson's limit of femseal's two
-finest solutions of a cell of 128² pixels, whose order is two.
+The surfaces are self-affine with a Hurst exponent of 0.8, a shortest wave of 8 pixels and a longest wave of a
+quarter of the cell. The gaps are cut by a plane at a given contact fraction, or come from an elastic-plastic
+contact. The pressure falls along x1, and x2 is periodic. The other programs are scikit-fem with bilinear
+elements and pyamg, and reynoldsflow with its default solver and with PARDISO. Each program runs on one thread
+in a process of its own, after all functions have been compiled. The reference of the errors is the Richardson
+extrapolation of femseal's two finest solutions of a cell of 128² pixels, with second order.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PROGRAMS = {
 
 
 def waves(n, seed=1):
-    """Fourier coefficients of a self-affine surface whose shortest wave has 8 of n pixels."""
+    """Return the Fourier coefficients of a self-affine surface whose shortest wave is 8 of n pixels long."""
     rng = np.random.default_rng(seed)
     most = n // 8
     k = np.arange(-most, most + 1)
@@ -44,7 +44,7 @@ def waves(n, seed=1):
 
 
 def sampled(c, n, shift):
-    """The surface at n × n points, the first at `shift` spacings from the origin."""
+    """Sample the surface at n × n points; the first point lies `shift` spacings from the origin."""
     most = c.shape[0] // 2
     k = np.arange(-most, most + 1)
     turn = np.exp(2j * np.pi * k * shift / n)
@@ -54,7 +54,10 @@ def sampled(c, n, shift):
 
 
 def cut_gap(n, fraction, refinement=1, shift=0.5):
-    """Gap of a cell of n pixels a side and their refinement, 1 µm rms before the cut."""
+    """Return the gap of a cell of n pixels per side, on a refined grid, cut by a plane at a contact fraction.
+
+    The heights have an rms value of 1 µm before the cut.
+    """
     c = waves(n)
     z = sampled(c, 4 * n, 0.0)
     level = np.quantile(z, 1 - fraction)
@@ -62,7 +65,7 @@ def cut_gap(n, fraction, refinement=1, shift=0.5):
 
 
 def contact_gap(n):
-    """Gap of a real contact with an eighth of the points touching, about; pixels of 1 µm."""
+    """Solve a contact with about an eighth of the points in contact, and return its gap [m]; the pixels are 1 µm long."""
     from femseal import HalfSpace, Topography, solve_contact
 
     z = sampled(waves(n), n, 0.5)
@@ -72,7 +75,7 @@ def contact_gap(n):
 
 
 def solved(solver, gap):
-    """Permeability, and iterations where they are told."""
+    """Return the permeability, and the number of iterations if the solver states it (otherwise 0)."""
     from femseal import cell_permeability
 
     if solver == "scikit-fem + pyamg":
@@ -85,18 +88,18 @@ def solved(solver, gap):
 
 
 def measure(task):
-    """Record of one solver on one gap."""
+    """Return the record of one solver on one gap."""
     solver, n, contact = task["solver"], task["n"], task["contact"]
     shift = 0.0 if solver.startswith("scikit-fem") else 0.5  # nodes or centres of pixels
     solved(solver, cut_gap(64, 0.2, shift=shift))  # compiled
     cut = contact != "solved"
     gap = cut_gap(n, contact, task["refinement"], shift) if cut else contact_gap(n)
-    found, record = timed(partial(solved, solver, gap), task["repeats"])
-    return record if found is None else record | {"k": found[0], "iterations": found[1]}
+    result, record = timed(partial(solved, solver, gap), task["repeats"])
+    return record if result is None else record | {"k": result[0], "iterations": result[1]}
 
 
 def series(sizes, repeats):
-    """One series over sizes for each solver and contact, and one over refinements."""
+    """Yield a series of tasks over the sizes for each solver and contact fraction, and tasks on refined grids."""
     for solver, needs in PROGRAMS.items():
         if len(present(needs)) < len(needs):
             continue
@@ -111,43 +114,43 @@ def series(sizes, repeats):
 
 
 def speed_table(records):
-    """Times of all solvers over sizes, and the memory of femseal."""
+    """Tabulate the times of all solvers over the sizes, and the memory of femseal."""
     head = ["n", "contact fraction", "femseal [ms] (iterations)", *list(PROGRAMS)[1:]]
-    found = {}
+    by_gap = {}
     for r in records:
         if r["refinement"] == 1:
-            found.setdefault((r["n"], str(r["contact"])), {})[r["solver"]] = r
+            by_gap.setdefault((r["n"], str(r["contact"])), {})[r["solver"]] = r
     cells = []
-    for (n, contact), of in sorted(found.items()):
-        own = of["femseal"]
-        how = (own["iterations"] or "direct") if own["k"] else "closed"
-        line = [n, contact, f"{1e3 * own['seconds']:.3g} ({how})"]
-        line += [ratio(of.get(name), own) for name in list(PROGRAMS)[1:]]
-        cells.append([*line, f"{own['bytes'] / 1e6:.0f}"])
+    for (n, contact), by_solver in sorted(by_gap.items()):
+        femseal_record = by_solver["femseal"]
+        how = (femseal_record["iterations"] or "direct") if femseal_record["k"] else "closed"
+        line = [n, contact, f"{1e3 * femseal_record['seconds']:.3g} ({how})"]
+        line += [ratio(by_solver.get(name), femseal_record) for name in list(PROGRAMS)[1:]]
+        cells.append([*line, f"{femseal_record['bytes'] / 1e6:.0f}"])
     return table([*head, "memory of femseal [MB]"], cells)
 
 
 def error_table(records):
-    """Errors of all solvers over refinements."""
-    found = {(r["solver"], r["contact"], r["refinement"]): r for r in records if r["n"] == BASE}
-    finest = max(r for _, _, r in found)
+    """Tabulate the errors of all solvers over the refinements."""
+    by_task = {(r["solver"], r["contact"], r["refinement"]): r for r in records if r["n"] == BASE}
+    finest = max(r for _, _, r in by_task)
     cells = []
     for contact in FRACTIONS[:3]:
-        half, fine = (found["femseal", contact, r]["k"] for r in (finest // 2, finest))
+        half, fine = (by_task["femseal", contact, r]["k"] for r in (finest // 2, finest))
         limit = fine + (fine - half) / 3
         for refinement in (r for r in REFINEMENTS if r < finest):
             line = [contact, 8 * refinement]
             for solver in PROGRAMS:
-                r = found.get((solver, contact, refinement), {})
-                told = "k" in r and f"{abs(r['k'] / limit - 1):.1e}, {r['seconds']:.3g}"
-                line.append(told or "–")
+                r = by_task.get((solver, contact, refinement), {})
+                text = "k" in r and f"{abs(r['k'] / limit - 1):.1e}, {r['seconds']:.3g}"
+                line.append(text or "–")
             cells.append(line)
     head = ["contact fraction", "pixels per shortest wave"]
     return table(head + [f"{name}: error, time [s]" for name in PROGRAMS], cells)
 
 
 def report(records):
-    """Both tables."""
+    """Write the table of times, the failures, and the table of errors."""
     return f"""The table shows CPU times. The times of the other programs are given as multiples of the time of femseal. "–" means that a run would
 have taken too long. The gaps are cut by a plane at the given contact fraction; "solved" is the gap of a solved contact.
 

@@ -1,8 +1,10 @@
-"""What the intervals of drawn seals contain: on rows of other scenes, and with one kind of surface left out.
+"""Tabulate how often the intervals of stochastic seals contain the true leakage.
 
-Rows are steps of scenes, with the columns of the calibration set and the decades of the truth below
-that of the first load. Intervals are made again from the state of each row, so that rows need not
-be solved again where the calibration changes.
+The intervals are tested on scenes that the calibration did not use, and on each kind of surface after it was
+left out of the calibration. A row is a load step of a scene. It has the columns of the calibration set, and the
+column "decades": the number of decades by which the true leakage lies below the true leakage at the first load.
+The intervals are computed again from the contact state in each row. Rows need not be solved again if the
+calibration changes.
 """
 
 from __future__ import annotations
@@ -21,12 +23,25 @@ HALF_DECADES = ((-9.0, 0.5), (0.5, 1.0), (1.0, 1.5), (1.5, 2.0), (2.0, 3.0), (3.
 class Judged:
     """Rows with their intervals.
 
-    contained : whether the interval contains the truth (rows,). half_width : half of the distance of
-    ln(leakage) between both ends, NaN where the lower end is 0 (rows,).
+    Parameters
+    ----------
+    rows : list of dict
+        Load steps of scenes.
+    widths : IntervalWidths
+        Calibrated widths, from which the intervals are computed.
+
+    Attributes
+    ----------
+    contained : array (row,)
+        Whether the interval contains the true leakage.
+    half_width : array (row,)
+        Half of the distance between both ends in ln(leakage); NaN if the lower end is 0.
+    decades : array (row,)
+        Column "decades" of the rows.
     """
 
     def __init__(self, rows, widths):
-        """Make the intervals of rows by widths of a calibration."""
+        """Compute the intervals of rows from calibrated widths."""
         self.rows = rows
         leakage, truth = (np.array([float(row[n]) for row in rows]) for n in ("leakage", "truth"))
         lower, upper = widths.ends(leakage, state_of_rows(rows))
@@ -38,35 +53,40 @@ class Judged:
 
     @classmethod
     def joined(cls, several):
-        """Put judged rows together."""
-        found = cls.__new__(cls)
-        found.rows = [row for one in several for row in one.rows]
+        """Join several sets of judged rows into one."""
+        result = cls.__new__(cls)
+        result.rows = [row for judged in several for row in judged.rows]
         for name in ("contained", "half_width", "decades"):
-            setattr(found, name, np.concatenate([getattr(one, name) for one in several]))
-        return found
+            setattr(result, name, np.concatenate([getattr(judged, name) for judged in several]))
+        return result
 
     def column(self, name):
-        """Values of a column (rows,)."""
+        """Return the values of a column of all rows."""
         return np.array([row[name] for row in self.rows])
 
 
 def of_patches(rows, single):
-    """Rows of single patches, or those of two patches together."""
+    """Select the rows of single patches, or the rows of two patches used together."""
     return [row for row in rows if (row["patch"] != "both") == single]
 
 
 def with_kind_left_out(kind, rows, *, of_two=False):
-    """Rows with intervals that are calibrated on the other kinds of surfaces."""
-    found = []
+    """Return the rows with intervals that were calibrated on all other kinds of surfaces."""
+    judged = []
     for surface in sorted({row["surface"] for row in rows}):
         others = [row for row in rows if row["surface"] != surface]
-        own = [row for row in rows if row["surface"] == surface]
-        found.append(Judged(own, IntervalWidths.calibrate(kind, others, two_patches=of_two)))
-    return Judged.joined(found)
+        of_this_kind = [row for row in rows if row["surface"] == surface]
+        judged.append(
+            Judged(of_this_kind, IntervalWidths.calibrate(kind, others, two_patches=of_two))
+        )
+    return Judged.joined(judged)
 
 
 def by_surface(kind, unseen):
-    """Table of what is contained by kind of surface: in the calibration set, left out of it, unseen."""
+    """Tabulate by kind of surface how often the intervals contain the true leakage.
+
+    The groups are the calibration set, the calibration set with this kind left out, and unseen scenes.
+    """
     rows = calibration_rows(kind)
     widths = IntervalWidths.calibrate(kind, rows)
     single = of_patches(rows, True)
@@ -77,11 +97,11 @@ def by_surface(kind, unseen):
     lines = []
     for surface in (*sorted({row["surface"] for row in single}), "all"):
         cells = [surface]
-        for one in judged:
-            chosen = (one.column("surface") == surface) | (surface == "all")
-            scenes = len({row["scene"] for row, c in zip(one.rows, chosen, strict=True) if c})
-            share = f"{one.contained[chosen].mean():.1%}" if chosen.any() else ""
-            cells += [f"{scenes}, {chosen.sum()}", share] if one is not left_out else [share]
+        for group in judged:
+            chosen = (group.column("surface") == surface) | (surface == "all")
+            scenes = len({row["scene"] for row, c in zip(group.rows, chosen, strict=True) if c})
+            share = f"{group.contained[chosen].mean():.1%}" if chosen.any() else ""
+            cells += [f"{scenes}, {chosen.sum()}", share] if group is not left_out else [share]
         lines.append(cells)
     head = ["surface", "scenes, loads", "contained", "contained, kind left out"]
     head += ["unseen scenes, loads", "contained"] if unseen else []
@@ -89,7 +109,7 @@ def by_surface(kind, unseen):
 
 
 def by_half_decade(kind, rows):
-    """Table of what is contained by half decade, and of half-widths as factors, of one patch and of two."""
+    """Tabulate by half decade of the leakage how often the intervals contain the true leakage, and their half-widths."""
     widths = {
         of_two: IntervalWidths.calibrate(kind, calibration_rows(kind), two_patches=of_two)
         for of_two in (False, True)
@@ -98,14 +118,14 @@ def by_half_decade(kind, rows):
     judged = [Judged(of_patches(rows, single), widths[not single]) for single in (True, False)]
     for low, high in HALF_DECADES:
         cells = [f"{max(low, 0):g} to {high:g}" if high < 9 else f"from {low:g}"]
-        for one in judged:
-            chosen = (one.decades >= low) & (one.decades < high)
+        for group in judged:
+            chosen = (group.decades >= low) & (group.decades < high)
             if not chosen.any():
                 cells += ["0", "", ""]
                 continue
-            width = one.half_width[chosen]
+            width = group.half_width[chosen]
             factor = f"{np.exp(np.nanmedian(width)):.2f}" if np.isfinite(width).any() else "–"
-            cells += [str(chosen.sum()), f"{one.contained[chosen].mean():.1%}", factor]
+            cells += [str(chosen.sum()), f"{group.contained[chosen].mean():.1%}", factor]
         lines.append(cells)
     heads = product(("one patch", "two patches"), ("loads", "contained", "half-width"))
     return table(["decades", *(f"{patch}: {head}" for patch, head in heads)], lines)

@@ -1,13 +1,13 @@
-"""Whether a calibration finds what made a leak test: hardness, shortest wave and factor.
+"""Test whether a calibration recovers the parameters of synthetic leak tests: hardness, shortest wave and factor.
 
     python tests/benchmarks/leak_tests.py --tests 1
     python tests/benchmarks/leak_tests.py --write
 
-Every test is of a generated face of its own of 160² points, self-affine or turned, solved with a
-hardness within 1.4 times to either side of that of its case, a shortest wave of 1 to 2.5 times 8
-pixels, multiplied by a factor from 0.5 to 2 and, row by row, by 1 + 0.1 times a standard normal
-number. What leaks less than 1e-4 of the first is below the detection limit. The calibration knows
-the case and the file with the test, and nothing of the hidden values.
+Each test has its own generated surface of 160² points, self-affine or turned. The hidden hardness lies between
+1/1.4 and 1.4 times the hardness of the case, the hidden shortest wave between 1 and 2.5 times 8 pixels, and the
+hidden factor between 0.5 and 2. Each computed leakage is multiplied by the factor and by 1 + 0.1 times a
+standard normal number. Leakages below 1e-4 of the first leakage count as below the detection limit. The
+calibration is given only the case and the file with the test.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ FACES = (
 
 
 def case_of(seed: int) -> Case:
-    """The case of a seed."""
+    """Return the case of a seed."""
     size, loads = ["160 um", "160 um"], {"loading": LOADING, "unload_from": PEAKS}
     loads |= {"unloading": UNLOADING}
     return parse_case(
@@ -76,7 +76,7 @@ def case_of(seed: int) -> Case:
 
 
 def tried(seed: int, folder: Path, workers: int) -> dict[str, Any]:
-    """A synthetic test, calibrated: truth, posterior, and whether its regions hold the truth."""
+    """Generate a synthetic test and calibrate it; return the true values, the posterior, and what its regions contain."""
     rng = np.random.default_rng(seed)
     case = case_of(seed)
     truth = np.array(
@@ -95,51 +95,54 @@ def tried(seed: int, folder: Path, workers: int) -> dict[str, Any]:
     lines = ["pressure [MPa], branch, unloaded from [MPa], leakage [m²/s]"]
     for step, value in zip(results.steps, leakage, strict=True):
         peak = "" if step.unloaded_from is None else f"{step.unloaded_from / 1e6:g}"
-        told = f"{value:.6g}" if value > limit else f"< {limit:.3g}"
-        lines.append(f"{step.pressure / 1e6:g}, {step.branch}, {peak}, {told}")
+        measured = f"{value:.6g}" if value > limit else f"< {limit:.3g}"
+        lines.append(f"{step.pressure / 1e6:g}, {step.branch}, {peak}, {measured}")
     (folder / "test.csv").write_text("\n".join(lines), encoding="utf-8")
-    found = fs.calibrate(case, folder / "test.csv", workers=workers)
-    low, high = np.log(found.density.ranges).T
+    calibration = fs.calibrate(case, folder / "test.csv", workers=workers)
+    low, high = np.log(calibration.density.ranges).T
     cube = (np.log(truth) - low) / (high - low)
-    cube = np.vstack([cube, (np.log(found.samples) - low) / (high - low)])
-    factor = np.log(found.density.quantities(cube)[:, 2:])
-    density = found.density.factor_density(cube[:, :2]).log_density(factor)[:, 0]
+    cube = np.vstack([cube, (np.log(calibration.samples) - low) / (high - low)])
+    factor = np.log(calibration.density.quantities(cube)[:, 2:])
+    density = calibration.density.factor_density(cube[:, :2]).log_density(factor)[:, 0]
     return {
         "seed": seed,
         "kind": FACES[seed % 2]["kind"],
         "truth": truth,
-        "found": [(one.median, one.lower, one.upper) for one in found.posterior.values()],
+        "found": [
+            (estimate.median, estimate.lower, estimate.upper)
+            for estimate in calibration.posterior.values()
+        ],
         "joint": bool(np.mean(density[1:] < density[0]) > 0.1),
-        "rows": len(found.test.steps),
-        "sealed": int(found.test.sealed.sum()),
-        "scenes": len(found.scenes),
+        "rows": len(calibration.test.steps),
+        "sealed": int(calibration.test.sealed.sum()),
+        "scenes": len(calibration.scenes),
     }
 
 
-def summary(found: list[dict[str, Any]]) -> list[str]:
-    """The line of `SUMMARY` for some tests."""
-    errors = [hardness_error(one) for one in found]
-    held = [sum(one["joint"] for one in found)]
+def summary(tests: list[dict[str, Any]]) -> list[str]:
+    """Return the cells of a row with the heads `SUMMARY` for some tests."""
+    errors = [hardness_error(test) for test in tests]
+    contained = [sum(test["joint"] for test in tests)]
     for n in range(3):
-        held.append(
-            sum(one["found"][n][1] <= one["truth"][n] <= one["found"][n][2] for one in found)
+        contained.append(
+            sum(test["found"][n][1] <= test["truth"][n] <= test["found"][n][2] for test in tests)
         )
     close = sum(error <= 0.05 for error in errors)
-    return [len(found), *held, close, f"{np.median(errors):.2g}", f"{max(errors):.2g}"]
+    return [len(tests), *contained, close, f"{np.median(errors):.2g}", f"{max(errors):.2g}"]
 
 
-def hardness_error(one: dict[str, Any]) -> float:
-    """Relative error of the median hardness of a test."""
-    return abs(one["found"][0][0] / one["truth"][0] - 1)
+def hardness_error(test: dict[str, Any]) -> float:
+    """Compute the relative error of the median hardness of a test."""
+    return abs(test["found"][0][0] / test["truth"][0] - 1)
 
 
-def told(one: dict[str, Any]) -> list[str]:
-    """The line of `HEAD` for a test."""
-    line = [one["seed"], one["kind"], f"{one['rows']}, {one['sealed']}", one["scenes"]]
+def row_of_test(test: dict[str, Any]) -> list[str]:
+    """Return the cells of a row with the heads `HEAD` for a test."""
+    line = [test["seed"], test["kind"], f"{test['rows']}, {test['sealed']}", test["scenes"]]
     for n, unit in enumerate((1e9, 1e-6, 1.0)):
-        median, low, high = (f"{value / unit:.3g}" for value in one["found"][n])
-        line += [f"{one['truth'][n] / unit:.3g}", f"{median} ({low} to {high})"]
-    return [*line, "yes" if one["joint"] else "no"]
+        median, low, high = (f"{value / unit:.3g}" for value in test["found"][n])
+        line += [f"{test['truth'][n] / unit:.3g}", f"{median} ({low} to {high})"]
+    return [*line, "yes" if test["joint"] else "no"]
 
 
 def main() -> None:
@@ -148,15 +151,15 @@ def main() -> None:
     parser.add_argument("--tests", type=int, default=len(SEEDS))
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--write", action="store_true", help="write the report beside the script")
-    given = parser.parse_args()
-    found = []
-    for seed in SEEDS[: given.tests]:
+    options = parser.parse_args()
+    results = []
+    for seed in SEEDS[: options.tests]:
         with TemporaryDirectory() as folder:
-            found.append(tried(seed, Path(folder), given.workers))
-        print(found[-1], flush=True)
-    counts, tests = table(SUMMARY, [summary(found)]), table(HEAD, map(told, found))
+            results.append(tried(seed, Path(folder), options.workers))
+        print(results[-1], flush=True)
+    counts, tests = table(SUMMARY, [summary(results)]), table(HEAD, map(row_of_test, results))
     text = f"{machine(['scipy'])}\n\nThe first table counts tests. In the second table, the values in brackets are 90 % regions.\n\n{counts}\n\n{tests}"
-    print_report(__file__, "Calibration by leak tests", text, given.write)
+    print_report(__file__, "Calibration by leak tests", text, options.write)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,9 @@
-"""What the model leaves out, measured by small problems: Stokes, inertia, heat, thin bodies, rings, yield below a seat.
+"""Measure effects that the model leaves out by small problems.
 
-python tests/benchmarks/model_limits.py --write
+    python tests/benchmarks/model_limits.py --write
+
+The effects are: gaps that are not thin (Stokes flow), inertia, heat, thin bodies, seats on rings, and yield of
+the body below a seat.
 """
 
 from __future__ import annotations
@@ -32,50 +35,59 @@ from femseal.contact.layered import layer_factor as coated_factor
 
 @BilinearForm
 def viscous(u, v, _):
-    """∇u : ∇v."""
+    """Return ∇u : ∇v."""
     return ddot(grad(u), grad(v))
 
 
 @BilinearForm
 def conduction(u, v, _):
-    """∇u · ∇v."""
+    """Return ∇u · ∇v."""
     return dot(grad(u), grad(v))
 
 
 @LinearForm
 def source(v, _):
-    """A unit pressure gradient along the ridges."""
+    """Return the load of a unit pressure gradient along the ridges."""
     return v
 
 
 @BilinearForm
 def continuity(u, q, _):
-    """−q ∇·u."""
+    """Return −q ∇·u."""
     return -q * div(u)
 
 
 @BilinearForm
 def convection(u, v, w):
-    """(u·∇)u₀ · v + (u₀·∇)u · v, the tangent of the convection at u₀."""
+    """Return the tangent of the convection term at u₀, (u·∇)u₀ · v + (u₀·∇)u · v."""
     return dot(mul(grad(w["u"]), u) + mul(grad(u), w["u"]), v)
 
 
 @LinearForm
 def convected(v, w):
-    """(u₀·∇)u₀ · v."""
+    """Return the convection term at u₀, (u₀·∇)u₀ · v."""
     return dot(mul(grad(w["u"]), w["u"]), v)
 
 
 @LinearForm
 def push(v, _):
-    """A unit pressure gradient along x."""
+    """Return the load of a unit pressure gradient along x."""
     return v[0]
 
 
 class Channel:
-    """Flow between the plane y = 0 and the wall y = h(x), periodic in x, by Taylor-Hood elements P2/P1.
+    """Flow between the plane y = 0 and the wall y = h(x), periodic in x, by Taylor-Hood elements (P2/P1).
 
-    A unit viscosity and a unit mean pressure gradient. gap : h at points x. elements : along and across.
+    The viscosity and the mean pressure gradient are 1.
+
+    Parameters
+    ----------
+    gap : callable
+        Gap h at the points x.
+    period : float
+        Period of the wall along x.
+    elements : tuple of two int
+        Number of elements along and across the channel.
     """
 
     def __init__(self, gap, period=1.0, elements=(384, 8)):
@@ -85,18 +97,23 @@ class Channel:
         pressure = Basis(mesh, ElementTriP1(), intorder=5)
         fixed = self.velocity.get_dofs(walls).all()
         self.free = _joined(self.velocity, left, right, fixed)
-        own = _joined(pressure, left, right, np.array([], int))[:, 1:]
+        free_pressure = _joined(pressure, left, right, np.array([], int))[:, 1:]
         self.stiffness = self.free.T @ viscous.assemble(self.velocity) @ self.free
-        self.divergence = own.T @ continuity.assemble(self.velocity, pressure) @ self.free
+        self.divergence = free_pressure.T @ continuity.assemble(self.velocity, pressure) @ self.free
         self.load = self.free.T @ push.assemble(self.velocity)
-        self.own = own.shape[1]
+        self.own = free_pressure.shape[1]
 
     def _solve(self, matrix, load):
+        """Solve the saddle-point problem of velocity and pressure; return the free unknowns of the velocity."""
         saddle = sparse.bmat([[matrix, self.divergence.T], [self.divergence, None]], format="csc")
         return splu(saddle).solve(np.append(load, np.zeros(self.own)))[: load.size]
 
     def flow(self, density=0.0, start=None):
-        """Rate per breadth, which is the permeability, and the velocities, from which another solution may start."""
+        """Compute the rate per width, which is the permeability, and the velocity.
+
+        With a density, Newton's method starts from the velocity `start`. The velocity may be the start of
+        another solution.
+        """
         u = self._solve(self.stiffness, self.load) if start is None else start
         for _ in range(30 if density else 0):
             now = self.velocity.interpolate(self.free @ u)
@@ -113,7 +130,7 @@ class Channel:
 
 
 def _channel_mesh(gap, period, elements):
-    """Triangles between y = 0 and y = h(x), facets on the left, on the right and on the walls."""
+    """Return triangles between y = 0 and y = h(x), and the facets on the left, on the right and on the walls."""
     plane = MeshTri.init_tensor(
         *(np.linspace(0, end, n + 1) for end, n in zip((period, 1), elements, strict=True))
     )
@@ -130,7 +147,7 @@ def _channel_mesh(gap, period, elements):
 
 
 def flow_along(gap, period, elements):
-    """Permeability along the ridges of h(x): the rate per breadth under a unit pressure gradient, −∇²u = 1."""
+    """Compute the permeability along the ridges of h(x): the rate per width under a unit pressure gradient, −∇²u = 1."""
     mesh, left, right, walls = _channel_mesh(gap, period, elements)
     basis = Basis(mesh, ElementTriP2())
     free = _joined(basis, left, right, basis.get_dofs(walls).all())
@@ -142,7 +159,10 @@ def flow_along(gap, period, elements):
 
 
 def _joined(basis, left, right, fixed):
-    """Matrix (all, free) from the free unknowns to all: those on the right are those on the left, fixed ones are 0."""
+    """Return the matrix (all unknowns, free unknowns) that maps the free unknowns to all unknowns.
+
+    The unknowns on the right end are equal to the unknowns on the left end. Fixed unknowns are 0.
+    """
     ends = []
     for facets in (left, right):
         dofs = basis.get_dofs(facets).all()
@@ -151,15 +171,27 @@ def _joined(basis, left, right, fixed):
         ends.append(dofs[np.lexsort((dofs, np.round(y, 10)))])
     number = np.arange(basis.N)
     number[ends[1]] = ends[0]
-    kept = np.setdiff1d(np.unique(number), fixed)
+    independent = np.setdiff1d(np.unique(number), fixed)
     column = np.full(basis.N, -1)
-    column[kept] = np.arange(kept.size)
+    column[independent] = np.arange(independent.size)
     at = np.flatnonzero(column[number] >= 0)
-    return sparse.csr_matrix((np.ones(at.size), (at, column[number[at]])), (basis.N, kept.size))
+    return sparse.csr_matrix(
+        (np.ones(at.size), (at, column[number[at]])), (basis.N, independent.size)
+    )
 
 
 class Wall:
-    """A gap h(x) = 1 + Σ a cos(2πnx/L + φ), scaled in length so that its rms slope is given."""
+    """A gap h(x) = 1 + Σ a cos(2πnx/L + φ), whose period L is chosen so that the wall has a given rms slope.
+
+    Parameters
+    ----------
+    amplitudes, phases : arrays (wave,)
+        Amplitudes a and phases φ of the waves.
+    slope : float
+        Rms slope of the wall.
+    numbers : array (wave,), optional
+        Wave numbers n; by default 1, 2, 3, …
+    """
 
     def __init__(self, amplitudes, phases, slope, numbers=None):
         self.amplitudes, self.phases = np.array(amplitudes, float), np.array(phases, float)
@@ -170,17 +202,20 @@ class Wall:
         self.period = 2 * np.pi * np.sqrt(np.sum((self.numbers * self.amplitudes) ** 2) / 2) / slope
 
     def angle(self, x):
+        """Return the phase angles of all waves at the points x, (point, wave)."""
         return (
             2 * np.pi * np.multiply.outer(np.asarray(x), self.numbers) / self.period + self.phases
         )
 
     def gap(self, x):
+        """Return the gap at the points x."""
         return 1 + np.cos(self.angle(x)) @ self.amplitudes
 
     def lubrication(self, columns=20000):
-        """Permeability by Reynolds, and with the next order, 1/12k = ⟨(1 + 4h′²/5)/h³⟩; of as many straight parts.
+        """Compute the permeability across the ridges by Reynolds' equation, and by the theory of the next order.
 
-        Elements with straight sides are compared with the same parts: a polygon is narrower and wider than the wall.
+        The next order is 1/12k = ⟨(1 + 4h′²/5)/h³⟩. The wall is replaced by a polygon with as many straight
+        parts as the finite elements have, because a polygon is narrower and wider than the wall.
         """
         h = self.gap(np.linspace(0, self.period, columns + 1))
         low, high = h[:-1], h[1:]
@@ -189,7 +224,7 @@ class Wall:
         return 1 / (12 * np.mean(inverse)), 1 / (12 * np.mean((1 + 0.8 * slope**2) * inverse))
 
     def along(self, columns):
-        """Permeability along the ridges by Reynolds, and with the next order, 12k = ⟨h³(1 − h′²)⟩."""
+        """Compute the permeability along the ridges by Reynolds' equation, and by the next order, 12k = ⟨h³(1 − h′²)⟩."""
         h = self.gap(np.linspace(0, self.period, columns + 1))
         low, high = h[:-1], h[1:]
         cubes = (low + high) * (low**2 + high**2) / 4
@@ -198,12 +233,12 @@ class Wall:
 
 
 def wave(ratio, slope):
-    """One cosine of a relative amplitude."""
+    """Return a wall with a single cosine of a relative amplitude."""
     return Wall([ratio], [0.0], slope)
 
 
 def rough(slope, least=0.1, seed=1, waves=(4, 32), hurst=0.8):
-    """A self-affine profile whose least gap is a fraction of the mean one."""
+    """Return a wall with a self-affine profile, whose smallest gap is a given fraction of the mean gap."""
     numbers = np.arange(waves[0], waves[1] + 1)
     phases = np.random.default_rng(seed).uniform(0, 2 * np.pi, numbers.size)
     shape = Wall(numbers ** -(0.5 + hurst), phases, 1.0, numbers)
@@ -216,7 +251,11 @@ SLOPES = (0.05, 0.1, 0.2, 0.3, 0.4)
 
 
 def thin_gap():
-    """Permeability by Stokes over Reynolds, by rms slope, and the next order; waves and self-affine profiles."""
+    """Tabulate the permeability of Stokes' equations divided by that of Reynolds' equation, by rms slope.
+
+    The values in brackets are those of the theory of the next order. The walls are waves and self-affine
+    profiles.
+    """
     kinds = {
         "wave, amplitude 0.3 of the mean gap": (lambda s: [wave(0.3, s)], 96),
         "wave, amplitude 0.6": (lambda s: [wave(0.6, s)], 96),
@@ -234,13 +273,13 @@ def thin_gap():
     for name, (walls, columns) in kinds.items():
         texts = []
         for slope in SLOPES:
-            found, next_order = [], []
+            ratios, next_order = [], []
             for wall in walls(slope):
                 reynolds, second = wall.lubrication(columns)
                 k, _ = Channel(wall.gap, wall.period, (columns, 8)).flow()
-                found.append(k / reynolds)
+                ratios.append(k / reynolds)
                 next_order.append(second / reynolds)
-            texts.append(f"{np.mean(found):.4f} ({np.mean(next_order):.4f})")
+            texts.append(f"{np.mean(ratios):.4f} ({np.mean(next_order):.4f})")
         cells.append([name, *texts])
     for ratio in (0.3, 0.9):
         texts = []
@@ -256,7 +295,7 @@ def thin_gap():
 
 
 def element_order():
-    """Error of Stokes over Reynolds on two meshes against a finer one, of the worst wave."""
+    """Compute the errors of the permeability on two meshes against a finer mesh, for the steepest wave."""
     wall = wave(0.9, 0.4)
     meshes = ((96 * n, 2 * n) for n in (1, 2, 4))
     k = [
@@ -267,7 +306,7 @@ def element_order():
 
 
 def inertia():
-    """Permeability over that of Stokes, by Reynolds number times gap over wave."""
+    """Tabulate the permeability divided by that of Stokes flow, by Reynolds number times gap over wavelength."""
     shown, steps = (0.3, 1, 3, 10), (0.3, 1, 2, 3, 4.5, 6.5, 8, 10)
     cells = []
     for ratio, slope in ((0.3, 0.1), (0.6, 0.1), (0.6, 0.2), (0.9, 0.1)):
@@ -289,7 +328,7 @@ def inertia():
 
 
 def inertia_of_classes():
-    """Reynolds number of the gap, rate of mass per length over viscosity, of leakage that is allowed."""
+    """Tabulate the Reynolds number of the gap (mass rate per length over viscosity) for leakages of some classes."""
     leaks = (
         ("helium, class L0.01", 1e-8, 1.96e-5),
         ("helium, L1", 1e-6, 1.96e-5),
@@ -305,7 +344,7 @@ def inertia_of_classes():
 
 
 def heat():
-    """Rise of the temperature of a throttled liquid without and with its walls."""
+    """Tabulate the temperature rise of a throttled liquid, and the length in which the walls take its heat."""
     cells = []
     # density × heat capacity [J/(m³ K)], diffusivity [m²/s]
     for name, capacity, diffusivity in (("water", 4.18e6, 1.4e-7), ("mineral oil", 1.7e6, 7e-8)):
@@ -329,15 +368,16 @@ def heat():
 
 
 def layer_factor(thickness):
-    """Compliance of a layer on a smooth rigid base over that of a half-space, under a wave; thickness in waves.
+    """Compute the compliance of a layer on a frictionless rigid base, divided by that of a half-space, under a wave.
 
-    (cosh 2ξ − 1)/(sinh 2ξ + 2ξ), ξ = 2π thickness.
+    The factor is (cosh 2ξ − 1)/(sinh 2ξ + 2ξ) with ξ = 2π × thickness, and the thickness in wavelengths.
     """
     twice = 4 * np.pi * np.asarray(thickness)
     return (np.cosh(twice) - 1) / (np.sinh(twice) + twice)
 
 
 def layers():
+    """Tabulate the compliance of layers on a rigid base, divided by the compliance of a half-space."""
     thicknesses = (0.1, 0.2, 0.3, 0.5, 0.75, 1.0)
     head = ["thickness / wavelength", *(f"{t:g}" for t in thicknesses)]
     return table(
@@ -353,7 +393,7 @@ def layers():
 
 
 def bonded_layer(poisson, thicknesses):
-    """The same of a layer that is bonded to the base."""
+    """Return the compliance of a layer that is bonded to the base, divided by that of a half-space, as texts."""
     body = Coated(None, Solid(1.0, poisson), 1.0)
     return [f"{S:.3f}" for S in coated_factor(body, 2 * np.pi * np.array(thicknesses))]
 
@@ -362,9 +402,10 @@ def bonded_layer(poisson, thicknesses):
 
 
 def ring_kernel(radii, step):
-    """Displacement at radii by pressures on rings of breadth step, for E* = 1.
+    """Return the matrix (point, ring) of the displacements at radii by unit pressures on rings of the width `step`.
 
-    u(r) = (4/πE*) ∫ p(s) s/(r + s) K(m) ds, m = 4rs/(r + s)²; the logarithm of K is integrated over the own ring.
+    For E* = 1, the displacement is u(r) = (4/π) ∫ p(s) s/(r + s) K(m) ds with m = 4rs/(r + s)². The logarithmic
+    singularity of K is integrated in closed form over the nearest rings.
     """
     r, s = radii[:, None], radii[None, :]
     m1 = ((r - s) / (r + s)) ** 2
@@ -386,7 +427,7 @@ def ring_kernel(radii, step):
 
 
 def strip_kernel(points, step):
-    """The same of an endless strip, u = −(2/πE*) ∫ p(s) ln|x − s| ds."""
+    """Return the matrix of the displacements of an endless strip, u = −(2/π) ∫ p(s) ln|x − s| ds for E* = 1."""
     x = np.abs(points[:, None] - points[None, :]) / step
     high, low = x + 0.5, x - 0.5
     logs = np.log(step) + high * np.log(high) - np.sign(low) * np.abs(low) * np.log(np.abs(low)) - 1
@@ -394,7 +435,10 @@ def strip_kernel(points, step):
 
 
 def pressed(kernel, gap, weights, force):
-    """Pressure ≥ 0 of a given force: gap + kernel p = approach where they touch; touching points are found in turn."""
+    """Compute the contact pressure p ≥ 0 of a given force with an active-set method.
+
+    Where the bodies touch, gap + kernel p equals the approach.
+    """
     touching = gap < np.quantile(gap, 0.3)
     for _ in range(200):
         n = int(touching.sum())
@@ -404,10 +448,10 @@ def pressed(kernel, gap, weights, force):
             -1,
             weights[touching],
         )
-        found = np.linalg.solve(matrix, np.append(-gap[touching], force))
+        solution = np.linalg.solve(matrix, np.append(-gap[touching], force))
         p = np.zeros(gap.size)
-        p[touching] = found[:n]
-        left = gap + kernel @ p - found[n]
+        p[touching] = solution[:n]
+        left = gap + kernel @ p - solution[n]
         new = (touching & (p > 0)) | (~touching & (left < 0))
         if (new == touching).all():
             break
@@ -416,10 +460,10 @@ def pressed(kernel, gap, weights, force):
 
 
 def rings(points=900):
-    """Crowned seat on a ring: force per length the same, band against Hertz's of plane strain."""
+    """Tabulate the contact of a crowned seat on a ring relative to plane strain, under the same force per length."""
     cells = []
     for ratio in (0.01, 0.03, 0.1, 0.2, 0.3):
-        # half-breadth a = 1, E* = 1, crown radius ρ: Hertz's force per length π a²E*/4ρ with ρ = 100
+        # half-width a = 1, E* = 1, crown radius ρ: Hertz's force per length π a²E*/4ρ with ρ = 100
         crown, mean = 100.0, 1 / ratio
         x = (np.arange(points) + 0.5) / points * 3 - 1.5
         step = x[1] - x[0]
@@ -441,10 +485,10 @@ def rings(points=900):
             ]
         )
     head = [
-        "half-breadth / radius",
-        "breadth / that in plane strain",
-        "peak pressure / that in plane strain",
-        "outward shift of the centre of the band [half-breadths]",
+        "half-width / radius",
+        "width / width in plane strain",
+        "peak pressure / peak pressure in plane strain",
+        "outward shift of the centre of the band [half-widths]",
         "rms difference of the pressures about the centres of both bands / peak pressure",
     ]
     return table(head, cells)
@@ -454,12 +498,14 @@ def rings(points=900):
 
 
 def line_contact_yield(poisson=0.3):
-    """p0 over σ_y at first yield below a line contact by von Mises, and its depth over the half-breadth.
+    """Return the peak pressure p0/σ_y at first yield below a line contact, and the depth over the half-width.
 
-    On the axis at depth z: σ_x = −p0 ((a² + 2z²)/√(a² + z²) − 2z)/a, σ_z = −p0 a/√(a² + z²) (Johnson 1985, eq. 4.46).
+    On the axis at the depth z, σ_x = −p0 ((a² + 2z²)/√(a² + z²) − 2z)/a and σ_z = −p0 a/√(a² + z²) (Johnson
+    1985, eq. 4.46).
     """
 
     def mises(z):
+        """Compute the von Mises stress divided by p0 at the depth z, in half-widths."""
         root = np.hypot(1, z)
         s_x, s_z = -((1 + 2 * z**2) / root - 2 * z), -1 / root
         s_y = poisson * (s_x + s_z)
@@ -470,6 +516,7 @@ def line_contact_yield(poisson=0.3):
 
 
 def yields():
+    """Tabulate the pressure and the depth of first yield below a line contact, by Poisson's ratio."""
     cells = []
     for poisson in (0.25, 0.3, 0.35):
         peak, depth = line_contact_yield(poisson)
@@ -487,19 +534,20 @@ def yields():
         "p0/σ_y at first yield",
         "p0/H, H = 2.8 σ_y",
         "mean pressure / H",
-        "depth / half-breadth",
+        "depth / half-width",
     ]
     return table(head, cells)
 
 
 def main():
+    """Run all parts of the benchmark, and print and write the report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help="write the report")
     options = parser.parse_args()
     orders = element_order()
     text = [
         "## Thin gap\n\nThe table shows the permeability of the Stokes equations divided by that of Reynolds' equation. "
-        "The values in brackets are those of the lubrication theory of the next order.",
+        "The values in brackets follow from the lubrication theory of the next order.",
         thin_gap(),
         "For the wave of amplitude 0.9 and slope 0.4, the error of the Stokes solution on 96 × 2 and 192 × 4 "
         f"elements, compared with 384 × 8 elements, is {', '.join(f'{e:.1e}' for e in orders)}.",
@@ -510,7 +558,7 @@ def main():
         inertia_of_classes(),
         "## Heat",
         heat(),
-        "## Thin bodies\n\nThe table shows the compliance of a layer on a rigid base divided by that of a half-space.",
+        "## Thin bodies\n\nThe table shows the compliance of a layer on a rigid base divided by the compliance of a half-space.",
         layers(),
         "## Seats on rings",
         rings(),

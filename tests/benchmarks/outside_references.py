@@ -1,11 +1,12 @@
-"""Findings that others published or compute: what came out of femseal on the same problem.
+"""Compare femseal with published results and with other programs on the same problems.
 
     python tests/benchmarks/outside_references.py "bearing area"
     python tests/benchmarks/outside_references.py --write
     python tests/benchmarks/outside_references.py handbook --write
 
-The last command writes the section of the report on the exponents of a handbook again, and keeps the rest of the report. Each function of `references` is one problem; `test_outside_references.py` asserts their numbers
-on smaller grids. Nothing is downloaded; a peer that is not installed is left out.
+The last command writes only the section of the report on the exponents of a handbook. Each function of
+`references` solves one problem. `test_outside_references.py` asserts the results on smaller grids. Nothing is
+downloaded. Programs that are not installed are left out.
 """
 
 from __future__ import annotations
@@ -73,16 +74,16 @@ HANDBOOK_HEADING, HANDBOOK = "## Exponents of a handbook", "handbook"
 
 
 def handbook_section():
-    """Section of the report with the exponents of pressure, hardness and finish."""
-    found = handbook_exponents()
+    """Write the section of the report with the exponents of pressure, hardness and finish."""
+    exponents_of_faces = handbook_exponents()
     heights = ", ".join(f"{1e6 * rms:g}" for rms in RMS)
     head = ["face", "p̄/H", "−∂ ln k/∂ ln p", "∂ ln k/∂ ln H", "∂ ln k/∂ ln Sq"]
     cells = [["NSWC-11, static seals", "", *(f"{value:g}" for value in CLAIMED.values())]]
-    for (kind, load), values in found.items():
+    for (kind, load), values in exponents_of_faces.items():
         cells.append([kind, f"{load:g}", *(range_text(values[name]) for name in CLAIMED)])
     text = (
-        f"Permeability k across the lay of turned and ground faces, on first loading. Each range is that over rms heights "
-        f"Sq of {heights} µm, each a mean of three surfaces of 256² points; E* = 115 GPa, H = 2.8 GPa, 60 µm between the "
+        f"Permeability k across the lay of turned and ground faces, on first loading. Each range is for rms heights "
+        f"Sq of {heights} µm, each value a mean of three surfaces of 256² points; E* = 115 GPa, H = 2.8 GPa, 60 µm between the "
         'marks. The heights are scaled at a fixed spectrum. "1 sealed": with one of the rms heights, a surface is closed '
         "at this load."
     )
@@ -90,18 +91,18 @@ def handbook_section():
 
 
 def write_section(section):
-    """Replace the section on the exponents of a handbook, the last one of the report."""
+    """Replace the last section of the report, on the exponents of a handbook."""
     path = Path(__file__).with_suffix(".md")
     rest, _, _ = path.read_text(encoding="utf-8").partition(HANDBOOK_HEADING)
     path.write_text(f"{rest.rstrip()}\n\n{section}", encoding="utf-8")
 
 
-def told(found):
-    """Records as text: names and numbers of three digits."""
-    if isinstance(found, list):
-        return "; ".join(map(told, found))
+def text_of_records(records):
+    """Write records as a text with names, and with numbers of three digits."""
+    if isinstance(records, list):
+        return "; ".join(map(text_of_records, records))
     pairs = []
-    for name, value in found.items():
+    for name, value in records.items():
         words = [f"{n:g}" if isinstance(n, float) else str(n) for n in np.atleast_1d(name)]
         numbers = [f"{v:.3g}" for v in np.atleast_1d(value)]
         pairs.append(f"{', '.join(words)} {', '.join(numbers)}")
@@ -109,28 +110,28 @@ def told(found):
 
 
 def main():
-    """Measure, print and write the table."""
+    """Solve the problems, and print and write the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("problem", nargs="*", help="only these")
     parser.add_argument("--write", action="store_true", help="write the report beside the script")
-    given = parser.parse_args()
-    if given.problem == [HANDBOOK]:
+    options = parser.parse_args()
+    if options.problem == [HANDBOOK]:
         section = handbook_section()
         print(section)
-        if given.write:
+        if options.write:
             write_section(section)
         return
     cells = []
     for name, claim, source, measure in REFERENCES:
-        if not given.problem or name in given.problem:
-            cells.append([claim, source, told(measure())])
+        if not options.problem or name in options.problem:
+            cells.append([claim, source, text_of_records(measure())])
             print(f"{name}: {time.process_time():.0f} s", file=sys.stderr, flush=True)
     head = ["published result, or other program", "source", "result of femseal"]
     intro = machine_and_time(("tamaas", "ContactMechanics", "reynoldsflow"))
     text = f"{intro}\n\n{table(head, cells)}"
-    if not given.problem:
+    if not options.problem:
         text += f"\n\n{handbook_section().rstrip()}"
-    print_report(__file__, "Outside references", text, given.write and not given.problem)
+    print_report(__file__, "Outside references", text, options.write and not options.problem)
 
 
 if __name__ == "__main__":

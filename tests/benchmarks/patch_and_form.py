@@ -1,14 +1,14 @@
-"""A patch of a face, and the coarse form of the whole, against the leakage of the whole.
+"""Compare seals that are simulated from a patch, with and without the coarse form, with the whole surface.
 
-    python patch_and_form.py solve ROWS.csv FIRST LAST      # faces of seeds from FIRST to LAST − 1
-    python patch_and_form.py solve ROWS.csv MAP …           # measured faces
-    python patch_and_form.py solve ROWS.csv … blocks        # by blocks alone
+    python patch_and_form.py solve ROWS.csv FIRST LAST      # surfaces of seeds from FIRST to LAST − 1
+    python patch_and_form.py solve ROWS.csv MAP …           # measured surfaces
+    python patch_and_form.py solve ROWS.csv … blocks        # only by blocks
     python patch_and_form.py calibrate ROWS.csv …           # femseal/studies/interval_calibration.csv
-    python patch_and_form.py report ROWS.csv …              # patch_and_form.md, of other seeds
+    python patch_and_form.py report ROWS.csv …              # patch_and_form.md, for other seeds
 
-A whole face is cut: a quarter of its area is the patch, less a plane. The form of the whole is
-its mean heights over 4 × 4 or 8 × 8 squares. Seals as large as the whole are drawn from the
-patch, without the form and with it.
+The patch is a quarter of the area of a whole surface, with its mean plane subtracted. The form consists of the
+mean heights of the whole surface over 4 × 4 or 8 × 8 squares. Seals as large as the whole surface are simulated
+from the patch, without the form and with the form.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import femseal as fs
-from common import BAND_HEAD, band_cells, table
+from common import INTERVAL_HEAD, interval_cells, table
 from femseal.budget import error_budget, longer_waves_part, patch_form_part
 from femseal.budget.longer_waves import longer_waves
 from femseal.checks import solve_form_effect
@@ -50,7 +50,7 @@ WAYS = (
 
 
 def face_of(kind, seed):
-    """A whole face of a kind; its patch is half as long and broad."""
+    """Generate a whole surface of a kind; its patch is half as long and half as wide."""
     rng = np.random.default_rng([KINDS.index(kind), seed])
     shape, size = (POINTS, POINTS), (POINTS * PIXEL, POINTS * PIXEL)
     x = (np.arange(POINTS) + 0.5) / POINTS
@@ -81,12 +81,12 @@ def face_of(kind, seed):
 
 
 def measured(path):
-    """A measured face on as many points."""
+    """Read a measured surface, and interpolate it on POINTS² points."""
     return fs.condition(fs.read_topography(path), shape=(POINTS, POINTS))[0]
 
 
 def scene_of(surface, hardness):
-    """A face under the loads, dry, between inlet and outlet, mirrored along x2."""
+    """Return the scene of a surface under the loads, without fluid pressure, mirrored along x2."""
     return fs.Scene(
         surface=fs.Topography(surface.heights, surface.spacing, (False, False)),
         modulus=MODULUS,
@@ -103,7 +103,7 @@ def scene_of(surface, hardness):
 
 
 def form_of(surface, count):
-    """Mean heights of the whole over count × count squares."""
+    """Return the form that consists of the mean heights of the surface over count × count squares."""
     n = POINTS // count
     heights = surface.heights.reshape(count, n, count, n).mean(axis=(1, 3))
     middles = ((np.arange(count) + 0.5) * n * d for d in surface.spacing)
@@ -112,7 +112,10 @@ def form_of(surface, count):
 
 
 def solved_rows(name, kind, surface, corner, ways):
-    """A row for each step and way of a face whose patch lies at a corner (0 or 1, 0 or 1)."""
+    """Yield a row for each load step and each method of a surface whose patch lies at a corner.
+
+    A corner is (0 or 1, 0 or 1).
+    """
     hardness = HARDNESS * MODULUS * surface.rms_slope
     truth = fs.deterministic(scene_of(surface, hardness)).leakage
     n = POINTS // 2
@@ -123,31 +126,31 @@ def solved_rows(name, kind, surface, corner, ways):
     for way in ways:
         scene, true, parts = patch, truth, ()
         if way == "patch":
-            found = fs.deterministic(patch)
+            study = fs.deterministic(patch)
             # over the breadth of the whole
-            found = replace(found, leakage=found.leakage * (n / POINTS))
+            study = replace(study, leakage=study.leakage * (n / POINTS))
         elif way.startswith("blocks"):
             scene, count = scene_of(surface, hardness), 3 if way.endswith("3") else 2
             if way.endswith("acts"):
                 inlet = CARRIED * scene.loading[0]
                 scene = replace(scene, inlet_pressure=inlet, fluid_pressure="acts")
                 true = fs.deterministic(scene).leakage
-            found = fs.by_blocks(scene, (count, count))
+            study = fs.by_blocks(scene, (count, count))
         else:
             form = form_of(surface, int(way[-1])) if way.startswith("form") else ()
             sampling = fs.Sampling(length, seed=1, breadth=breadth, form=form)
-            found = fs.stochastic(patch, None, sampling)
+            study = fs.stochastic(patch, None, sampling)
             if way == "seal":
-                parts = unknown_form(patch, found.quantile(0.5), surface.size)
-        budget = error_budget(scene, found)
+                parts = unknown_form(patch, study.quantile(0.5), surface.size)
+        budget = error_budget(scene, study)
         budget = replace(budget, parts=(*budget.parts, *parts))
         same = {"kind": _CALIBRATED.get(way.replace(",", " ").split()[0], "without")}
         same |= {"surface": kind, "scene": f"form {name} {corner}", "patch": "first", "way": way}
-        yield from state_rows(same, scene, found, budget, true)
+        yield from state_rows(same, scene, study, budget, true)
 
 
 def unknown_form(patch, q, size):
-    """Parts of the budget of a seal whose form is not known."""
+    """Return the parts of the error budget of a seal whose form is not known."""
     holds, steps = representative(patch.surface), patch.steps
     changes = longer_waves(patch, *size, holds, flatness=None, seed=1)
     effect = solve_form_effect(
@@ -159,7 +162,7 @@ def unknown_form(patch, q, size):
 
 
 def every(arguments):
-    """Rows of synthetic faces from a first to a last seed, or of measured ones by their paths."""
+    """Yield the rows of synthetic surfaces of some seeds, or of measured surfaces in some files."""
     ways = WAYS
     if arguments[-1] == "blocks":
         *arguments, _ = arguments
@@ -174,7 +177,7 @@ def every(arguments):
 
 
 def report(rows):
-    """Quantiles of leakage over truth by way, of synthetic and of measured faces, and bands."""
+    """Tabulate quantiles of leakage / true leakage and intervals, by method, for synthetic and for measured surfaces."""
     lines = []
     for faces, way in product(("synthetic", "measured"), WAYS):
         chosen = [
@@ -186,10 +189,13 @@ def report(rows):
         ]
         if chosen:
             count = len({r["scene"] for r in chosen})
-            cells = band_cells(chosen, banded=way != "patch")
+            cells = interval_cells(chosen, with_interval=way != "patch")
             lines.append([faces, way, count, *cells])
-    text = "The columns from 5 % to 95 % are quantiles of the leakage divided by the true leakage. The half-width is a factor."
-    return text + "\n\n" + table(["surfaces", "method", "number", *BAND_HEAD], lines)
+    text = (
+        "The columns from 5 % to 95 % are quantiles of the leakage divided by the true leakage. The half-width is given "
+        "as a factor, the ratio of an end of the interval to the leakage."
+    )
+    return text + "\n\n" + table(["surfaces", "method", "number", *INTERVAL_HEAD], lines)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,12 @@
-"""Contact and flow as one writes them with other programs; nothing of femseal is used here.
+"""Solve contact and flow with other programs, as a script would; femseal is not used in this module.
 
-Contact is by Tamaas, ContactMechanics or ASPHER, flow over a face by scikit-fem and a sparse solver or by
-reynoldsflow, flow over a seal by a sparse solver. Each program is imported where it is asked for.
-Fields are samples at the nodes of a grid of square pixels, periodic along both axes, (n1, n2).
-What is the same at all states, such as plans of transforms, meshes and bases, is made once.
+Contact is solved by Tamaas, ContactMechanics or ASPHER. The flow through a surface is solved by scikit-fem with
+a sparse solver or by reynoldsflow, and the flow across a seal by a sparse solver. A program is imported only
+when it is needed. Fields (n1, n2) are sampled at the nodes of a grid of square pixels, and are periodic along
+both axes. FFT plans, meshes and bases are created once for all contact states.
 
-Neither contact program keeps a history, so that the plastic deformation of a peak is added to the
-gap by hand; neither has a face that is free along one axis and periodic along the other.
+Tamaas and ContactMechanics keep no load history; the plastic deformation at a peak load is therefore added to
+the gap. Neither program supports a surface that is free along one axis and periodic along the other.
 """
 
 from __future__ import annotations
@@ -32,22 +32,20 @@ MODULES = {
 
 
 def present(names):
-    """Those of some programs that are installed and can be imported."""
-    found = []
+    """Return the names of the programs that are installed and can be imported."""
+    installed = []
     for name in names:
         with suppress(ImportError):
             import_module(MODULES[name])
-            found.append(name)
-    return found
+            installed.append(name)
+    return installed
 
 
 class Tamaas:
-    """Saturated contact by Kato's algorithm; elastic contact by Polonsky and Keer's, as Rey has
-    it.
+    """Solve contacts with Tamaas: Kato's algorithm with a hardness, and Polonsky and Keer's algorithm without one.
 
-    Lengths are in sizes of the face and pressures in moduli: in SI units the algorithm for
-    saturated contact does not return, as the loop in it that keeps the load has an absolute
-    tolerance.
+    Lengths are divided by the side of the surface, and pressures by the modulus. In SI units, Kato's algorithm
+    does not terminate, because its loop that keeps the load has an absolute tolerance.
     """
 
     def __init__(self, shape, spacing, modulus, hardness, threads=1):
@@ -61,7 +59,7 @@ class Tamaas:
         self.model.E, self.model.nu = 1.0, 0.0
 
     def __call__(self, gap0, pressure, tolerance):
-        """Pressure [Pa] and raw gap [m], negative at the hardness, under a mean pressure [Pa]."""
+        """Return the pressure [Pa] and the raw gap [m], negative at the hardness, under a mean pressure [Pa]."""
         import tamaas
 
         model, mean = self.model, pressure / self.modulus
@@ -81,10 +79,10 @@ class Tamaas:
 
 
 class ContactMechanics:
-    """Polonsky and Keer's constrained conjugate gradients, with a hardness.
+    """Solve contacts with ContactMechanics: the constrained conjugate gradients of Polonsky and Keer, with a hardness.
 
-    They start from the nominal pressure: from their own start they did not converge at light
-    loads.
+    The solution starts from the nominal pressure. From the default initial guess of the program, it did not
+    converge at light loads.
     """
 
     def __init__(self, shape, spacing, modulus, hardness, threads=1):
@@ -95,7 +93,7 @@ class ContactMechanics:
         self.pixel, self.hardness = spacing**2, hardness
 
     def __call__(self, gap0, pressure, tolerance):
-        """Pressure and raw gap, as those of `Tamaas`."""
+        """Return the pressure [Pa] and the raw gap [m], like `Tamaas`."""
         import ContactMechanics.Optimization.ConstrainedConjugateGradients as optimization
         from SurfaceTopography import Topography
 
@@ -119,22 +117,24 @@ class ContactMechanics:
         return p, raw - touching_level(raw, p, self.hardness)
 
     def start(self, gap0, pressure):
-        """Pressure from which the solution starts [Pa]."""
+        """Return the initial guess of the pressure [Pa]: the nominal pressure."""
         return np.full(gap0.shape, pressure)
 
 
 class FromBearingArea(ContactMechanics):
-    """From a better start than its manual has: the hardness on the highest points that carry."""
+    """Solve contacts with ContactMechanics from a better initial guess, which its manual does not describe."""
 
     def start(self, gap0, pressure):
-        """Pressure from which the solution starts [Pa]."""
+        """Return the initial guess of the pressure [Pa]: the hardness at the highest points that carry the load."""
         return np.where(gap0 <= np.quantile(gap0, pressure / self.hardness), self.hardness, 0.0)
 
 
 class Aspher:
-    """Elastic contact from coarse grids to fine ones with ASPHER's periodic backend, on squares of 64 · 2^k points.
+    """Solve elastic contacts with the periodic backend of ASPHER, from coarse to fine grids.
 
-    Lengths are in sizes of the face and pressures in moduli.
+    The grid has 64 · 2^k points per side.
+
+    Lengths are divided by the side of the surface, and pressures by the modulus.
     """
 
     def __init__(self, shape, spacing, modulus, hardness, threads=1):
@@ -143,7 +143,7 @@ class Aspher:
         self.points, self.size, self.modulus = shape[0], shape[0] * spacing, modulus
 
     def __call__(self, gap0, pressure, tolerance):
-        """Pressure and raw gap, as those of `Tamaas`."""
+        """Return the pressure [Pa] and the raw gap [m], like `Tamaas`."""
         import aspher
 
         result = aspher.solve_nested(
@@ -169,13 +169,19 @@ CONTACTS = {
 
 
 def touching_level(raw, p, hardness):
-    """Mean gap where material touches below its hardness; else the level of the bearing area."""
+    """Return the mean raw gap of the points that touch below the hardness.
+
+    If there are no such points, return the quantile of the raw gap that belongs to the contact area.
+    """
     inside = (p > 0) & (p < hardness * (1 - 1e-9))
     return raw[inside].mean() if inside.any() else np.quantile(raw, np.mean(p > 0))
 
 
 def gaps_of_cycle(contact, gap0, loading, unload_from, unloading, tolerance):
-    """Gaps at all loads, then at those below each peak, on faces that it has deformed for good."""
+    """Solve the gaps at all loads, and then the gaps after unloading from each peak load.
+
+    For unloading, the plastic deformation at the peak load is added to the undeformed gap.
+    """
     deformed, gaps = {}, []
     for pressure in loading:
         p, raw = contact(gap0, pressure, tolerance)
@@ -189,7 +195,7 @@ def gaps_of_cycle(contact, gap0, loading, unload_from, unloading, tolerance):
 
 
 class PlainFlow:
-    """Permeability along x1 of (n1, n2) square pixels, periodic along x2, by bilinear elements."""
+    """Compute the permeability along x1 with bilinear elements of scikit-fem, for square pixels and periodic along x2."""
 
     def __init__(self, shape, solver="pyamg"):
         from skfem import Basis, BilinearForm, ElementQuad1, MeshQuad, MeshQuad1DG
@@ -213,7 +219,7 @@ class PlainFlow:
         self.inlet, self.outlet = x == 0, x == n1
 
     def __call__(self, gap):
-        """Permeability of a gap at the nodes (n1, n2) in units of the gap's cube."""
+        """Compute the permeability, in units of the cube of the gap, from the gap (n1, n2) at the nodes."""
         top = gap.max()
         if top == 0:
             return 0.0
@@ -226,7 +232,7 @@ class PlainFlow:
 
 
 def reynoldsflow(gap, solver="auto"):
-    """Permeability in units of the gap's cube, and fluid pressure; gaps constant on pixels."""
+    """Return permeability (in units of the cube of the gap) and fluid pressure; the gap is constant on each pixel."""
     from reynoldsflow.transport import compute_total_flux, solve_fluid_problem
 
     top = gap.max()
@@ -237,7 +243,10 @@ def reynoldsflow(gap, solver="auto"):
 
 
 def drop_solved(matrix, inlet, outlet, solver, tolerance):
-    """Flow for a unit drop between two sets of nodes, from the matrix of all; 0 if not joined."""
+    """Compute the flow for a unit pressure drop between two sets of nodes from the matrix of all nodes.
+
+    The flow is 0 if no path connects the two sets.
+    """
     from scipy.sparse.csgraph import connected_components
 
     count, cluster = connected_components(matrix, directed=False)
@@ -251,7 +260,7 @@ def drop_solved(matrix, inlet, outlet, solver, tolerance):
 
 
 def sparse_solution(a, b, solver, tolerance):
-    """Solution by pyamg's Ruge–Stüben multigrid with CG, by PARDISO, or, if small, by SuperLU."""
+    """Solve a sparse system with pyamg (Ruge–Stüben multigrid and CG) or PARDISO; small systems with SuperLU."""
     if solver == "SuperLU" or b.size < DIRECT:
         from scipy.sparse.linalg import splu
 
@@ -278,7 +287,7 @@ def sparse_solution(a, b, solver, tolerance):
 
 
 def network_permeability(k1, k2, solver="SuperLU"):
-    """Permeability of a square grid, periodic along x2, from its links."""
+    """Compute the permeability of a square network of links, periodic along x2."""
     import scipy.sparse as sp
 
     m1, m2 = k1.shape

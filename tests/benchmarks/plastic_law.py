@@ -3,8 +3,9 @@
     python tests/benchmarks/plastic_law.py --measure     # hours; needs Tamaas; adds what is missing to plastic_law.csv
     python tests/benchmarks/plastic_law.py --write       # a minute; the report from plastic_law.csv
 
-Both bodies carry the same rough surface through the same loads. The surface is periodic, with a side of 1, Young's
-modulus is 1 and the rms slope 0.2. Lengths and stresses scale: only H/(E* h′) and the hardening count.
+Both bodies carry the same rough surface through the same loads. The surface is periodic with a side of 1;
+Young's modulus is 1 and the rms slope 0.2. All lengths and all stresses can be scaled, so that the results
+depend only on H/(E* h′) and on the hardening.
 """
 
 from __future__ import annotations
@@ -35,9 +36,32 @@ UNLOADING = (0.15, 0.05)
 
 @dataclass(frozen=True)
 class Case:
-    """A surface and a solid. severity : H/(E* h′). waves : shortest per side. hardening : dσ/dε over Young's modulus.
+    """A rough surface and a solid.
 
-    Surfaces with the same `waves` and seed are the same whatever the points. one_step : each load from the virgin state.
+    Surfaces with the same `waves` and the same seed are identical on any number of points.
+
+    Parameters
+    ----------
+    kind : str
+        "isotropic" or "turned".
+    seed : int
+        Seed of the surface.
+    severity : float
+        Dimensionless hardness H/(E* h′).
+    hardening : float
+        Hardening dσ/dε divided by Young's modulus.
+    points : int
+        Points per side.
+    waves : int
+        Number of shortest waves per side.
+    layers : int
+        Number of layers of points of the plastic solid.
+    depth : float
+        Depth of the plastic solid, in sides; no point below this depth yields.
+    tolerance : float
+        Tolerance of the coupling of contact and plastic solid.
+    one_step : int
+        1 if each load is applied in one step from the virgin state, otherwise 0.
     """
 
     kind: str = "isotropic"
@@ -53,14 +77,16 @@ class Case:
 
     @property
     def hardness(self):
+        """Hardness H."""
         return self.severity * MODULUS * SLOPE
 
     @property
     def half_space(self):
+        """Elastic half-space of the surface."""
         return fs.HalfSpace((self.points,) * 2, (1 / self.points,) * 2, MODULUS)
 
     def heights(self):
-        """Heights (points, points), whose rms slope is `SLOPE`."""
+        """Return the heights (points, points), whose rms slope is `SLOPE`."""
         coarse = 8 * self.waves
         rng = np.random.default_rng(self.seed)
         if self.kind == "isotropic":
@@ -79,7 +105,7 @@ class Case:
 
 
 def interpolated(z, points):
-    """Return periodic heights on more points, by Fourier interpolation."""
+    """Interpolate periodic heights on more points by a Fourier transform."""
     n = z.shape[0]
     if n == points:
         return z
@@ -122,11 +148,12 @@ HARD = [replace(case, severity=0.1) for case in (Case(), *CHECKS[:5])]
 
 
 def measured(case):
-    """Yield a record of each load of the cycle of a case, on the plastic solid."""
+    """Yield a record for each load step of the cycle of a case, on the plastic solid."""
     z = case.heights()
     gap0, rms = z.max() - z, z.std()
 
     def solid():
+        """Return a plastic solid in the virgin state."""
         return PlasticSolid(
             case.points, case.layers, case.depth, case.hardness / USUAL, case.hardening
         )
@@ -160,7 +187,10 @@ def measured(case):
 
 
 def contact_figures(pressure, gap, rms, case):
-    """Contact area, mean gap over the rms height, permeabilities along both axes over its cube."""
+    """Return contact area, mean gap, and permeabilities along both axes.
+
+    The mean gap is divided by the rms height, and the permeabilities by its cube.
+    """
     spacing = (1 / case.points,) * 2
     gap = np.ascontiguousarray(gap)
     k = [fs.cell_permeability(gap, spacing, axis=axis, sides="periodic").value for axis in (0, 1)]
@@ -173,12 +203,12 @@ def contact_figures(pressure, gap, rms, case):
 
 
 def measure(cases, path):
-    """Measure the cases that are not in the file, and add their records to it, each as soon as it is there."""
+    """Measure the cases that are not in the file, and append each record as soon as it is measured."""
     if tamaas is None:
         raise SystemExit(MISSING)
-    known = {key_of(row) for row in read_rows([path])} if path.exists() else set()
+    stored = {key_of(row) for row in read_rows([path])} if path.exists() else set()
     for case in cases:
-        if tuple(map(str, astuple(case))) in known:
+        if tuple(map(str, astuple(case))) in stored:
             continue
         for record in measured(case):
             print(record, flush=True)
@@ -191,7 +221,7 @@ def measure(cases, path):
 
 
 def key_of(row):
-    """Return the fields of a case as they stand in a record."""
+    """Return the fields of a case as they are written in a record."""
     return tuple(row[f.name] for f in fields(Case))
 
 
@@ -205,7 +235,10 @@ SHIFTS = tuple(np.geomspace(0.75, 2.0, 21))
 
 @cache
 def cut_off_state(case, load, ratio=USUAL, peak=0.0):
-    """Figures of the cut-off law with H = ratio σ_y under load · 2.8 σ_y; on unloading from a peak load if it is given."""
+    """Return contact area, mean gap and permeabilities by the cut-off law with H = ratio · σ_y.
+
+    The pressure is load · 2.8 σ_y. If a peak load is given, the surface is unloaded from this load.
+    """
     z = case.heights()
     law = case.hardness * ratio / USUAL
     gap0 = z.max() - z
@@ -221,7 +254,7 @@ def cut_off_state(case, load, ratio=USUAL, peak=0.0):
 
 @cache
 def cut_off_contact(case, load, ratio):
-    """Contact of the cut-off law at the peak load."""
+    """Solve the contact by the cut-off law at a load."""
     z = case.heights()
     law = case.hardness * ratio / USUAL
     return fs.solve_contact(
@@ -235,19 +268,19 @@ def case_of(row):
 
 
 def peak_of(row):
-    """Return the load from which a record was unloaded, or 0."""
+    """Return the load from which the state of a record was unloaded; 0 on loading."""
     return LOADING[-1] if row["branch"] == "unloading" else 0.0
 
 
 def flows(row):
-    """Yield the axis and the permeability of the plastic solid where fluid passes."""
+    """Yield the axis and the permeability of the plastic solid for each axis along which it is open."""
     for axis in ("k1", "k2"):
         if float(row[axis]) > 0:
             yield axis, float(row[axis])
 
 
 def leakage_ratios(rows, ratio=USUAL):
-    """ln of the leakage of the plastic solid over that of the cut-off law, where both leak; both axes."""
+    """Return ln(leakage of the plastic solid / leakage by the cut-off law) along both axes, if both are open."""
     out = []
     for row in rows:
         state = cut_off_state(case_of(row), float(row["load"]), ratio, peak_of(row))
@@ -256,7 +289,7 @@ def leakage_ratios(rows, ratio=USUAL):
 
 
 def crossing(x, y, target):
-    """Return x where the rising or falling ln y(x) crosses ln target, or nan outside."""
+    """Return x at which the monotone curve ln y(x) crosses ln target, or NaN if it does not."""
     x, y = np.array(x), np.array(y)
     x, y = x[y > 0], np.log(y[y > 0])
     if x.size < 2 or not y.min() <= np.log(target) <= y.max():
@@ -266,7 +299,10 @@ def crossing(x, y, target):
 
 
 def equivalent_loads(rows):
-    """Load of the cut-off law over that of the plastic solid at the same leakage, on loading; both axes."""
+    """Return the load at which the cut-off law leaks like the plastic solid, over the load on the plastic solid.
+
+    Only load steps on loading are used; each record gives a value for each axis.
+    """
     out = []
     for row in rows:
         case, load = case_of(row), float(row["load"])
@@ -278,7 +314,7 @@ def equivalent_loads(rows):
 
 
 def equivalent_ratios(rows):
-    """H/σ_y with which the cut-off law leaks as much as the plastic solid under the same load; both axes."""
+    """Return H/σ_y with which the cut-off law leaks as much as the plastic solid at the same load, for each axis."""
     out = []
     for row in rows:
         states = [
@@ -293,7 +329,7 @@ def equivalent_ratios(rows):
 
 
 def spread(values, digits=2):
-    """Median of values, and the range of the middle 90 % where there are enough; both axes of a surface count."""
+    """Write the median of values and the range of their middle 90 % as a text."""
     values = np.asarray(values)
     values = values[np.isfinite(values)]
     if not values.size:
@@ -303,17 +339,17 @@ def spread(values, digits=2):
 
 
 def cut_off_of(row, ratio=USUAL):
-    """Figures of the cut-off law in the state of a record."""
+    """Return the values of the cut-off law in the state of a record."""
     return cut_off_state(case_of(row), float(row["load"]), ratio, peak_of(row))
 
 
 def relative(rows, name):
-    """A figure of the plastic solid over that of the cut-off law."""
+    """Divide a value of the plastic solid by the value of the cut-off law, for each record."""
     return [float(row[name]) / cut_off_of(row)[name] for row in rows]
 
 
 def states(rows):
-    """Yield branch, load, the words for both, and the records of this state."""
+    """Yield branch, load, a text for both, and the records of each state."""
     for branch, loads in (("loading", LOADING), ("unloading", UNLOADING)):
         for load in loads:
             chosen = [r for r in rows if r["branch"] == branch and float(r["load"]) == load]
@@ -325,18 +361,18 @@ def states(rows):
 
 
 def records_of(rows, cases):
-    """The records of cases."""
+    """Select the records of some cases."""
     keys = {tuple(map(str, astuple(case))) for case in cases}
     return [row for row in rows if key_of(row) in keys]
 
 
 def surfaces(rows):
-    """Number of surfaces of records."""
+    """Count the surfaces of records."""
     return len({(row["kind"], row["seed"]) for row in rows})
 
 
 def comparison(rows_by_name, first):
-    """The table of ratios, equivalent loads and equivalent hardness over groups of records and loads."""
+    """Tabulate ratios, equivalent loads and equivalent H/σ_y, by group of records and by state."""
     cells = []
     for name, rows in rows_by_name.items():
         for branch, _, words, chosen in states(rows):
@@ -352,7 +388,7 @@ def comparison(rows_by_name, first):
 
 
 def far_from_closing(rows):
-    """The records in which the solid leaks more than 1 % of what it leaks under the first load, in both directions."""
+    """Select the records in which the plastic solid leaks more than 1 % of the first load, along both axes."""
     first = {}
     for row in rows:
         if (row["branch"], float(row["load"])) == ("loading", LOADING[0]):
@@ -365,7 +401,7 @@ def far_from_closing(rows):
 
 
 def one_ratio(rows_by_name):
-    """The table of leakage ratios for one H/σ_y: median, and the factor that nine of ten do not exceed."""
+    """Tabulate leakage ratios for the same H/σ_y on all surfaces: median, and the factor that 90 % do not exceed."""
     cells = []
     for ratio in (2.0, 2.2, 2.4, 2.6, 2.8, 3.0, 3.2):
         line = [f"{ratio:g}"]
@@ -379,7 +415,7 @@ def one_ratio(rows_by_name):
 
 
 def closing(rows, ratio):
-    """Count states in which both bodies seal, only the plastic solid does, or only the cut-off law does."""
+    """Count the states in which both bodies seal, only the plastic solid seals, or only the cut-off law seals."""
     counts = {"both": 0, "solid": 0, "law": 0}
     for row in rows:
         state = cut_off_of(row, ratio)
@@ -391,7 +427,7 @@ def closing(rows, ratio):
 
 
 def soundness(rows):
-    """The table of what one change of the method does to the leakage of the plastic solid, and to the comparison."""
+    """Tabulate how a single change of the method changes the leakage of the plastic solid and the equivalent H/σ_y."""
     base = {(b, load): chosen[0] for b, load, _, chosen in states(records_of(rows, [Case()]))}
     cells = []
     for name, change in SOUNDNESS.items():
@@ -400,8 +436,8 @@ def soundness(rows):
             continue
         line = [name]
         for branch, load, _, (row,) in states(chosen):
-            own = [float(row[axis]) / float(base[branch, load][axis]) for axis in ("k1", "k2")]
-            line.append(f"{np.sqrt(np.prod(own)):.2f}")
+            ratios = [float(row[axis]) / float(base[branch, load][axis]) for axis in ("k1", "k2")]
+            line.append(f"{np.sqrt(np.prod(ratios)):.2f}")
         line += ["–"] * (7 - len(line))
         line.append(spread(equivalent_ratios(chosen)))
         cells.append(line)
@@ -412,7 +448,8 @@ def soundness(rows):
 def intervals(rows):
     """Count the states in which the row "plastic law" of the error budget contains the leakage of the plastic solid.
 
-    Returns the counts of contained, of all states in which both leak, and of those that the solid alone seals.
+    Returns the number of these states, the number of all states in which both bodies leak, and the number of
+    states in which only the plastic solid seals.
     """
     contained = leaking = sealed = 0
     for case in dict.fromkeys(case_of(row) for row in rows):
@@ -441,7 +478,7 @@ def intervals(rows):
 
 
 def cavity(severity, poisson=POISSON):
-    """H/σ_y of a cone with the slope h′, by the model of the expanding cavity (Johnson 1985, section 6.3).
+    """Compute H/σ_y of a cone with the slope h′ by the model of the expanding cavity (Johnson 1985, section 6.3).
 
     The mean pressure is ⅔σ_y (2 + ln((E tan β/σ_y + 4(1 − 2ν))/(6(1 − ν)))).
     """
@@ -450,7 +487,7 @@ def cavity(severity, poisson=POISSON):
 
 
 def over_severity(rows):
-    """The table of the equivalent H/σ_y over H/(E* h′), without and with hardening."""
+    """Tabulate the equivalent H/σ_y over H/(E* h′), with and without hardening."""
     base = Case()
     cells = []
     for severity in sorted({float(row["severity"]) for row in rows}):
@@ -474,7 +511,7 @@ def over_severity(rows):
 
 
 def solved(rows):
-    """Sentences on what was solved, and how far."""
+    """Write how many contacts were solved, and how accurately."""
     seconds = sum(float(row["seconds"]) for row in rows)
     iterations = [int(row["iterations"]) for row in rows]
     worst = max(float(row["error"]) for row in rows)
@@ -486,13 +523,13 @@ def solved(rows):
 
 
 def severities(rows):
-    """The records of the main comparison, by H/(E* h′)."""
+    """Select the records of the main comparison, by H/(E* h′)."""
     groups = {f"H/(E* h′) = {v:g}": records_of(rows, cases) for v, cases in MAIN.items()}
     return {name: chosen for name, chosen in groups.items() if chosen}
 
 
 def report(rows):
-    """The text of the report."""
+    """Write the text of the report."""
     groups = severities(rows)
     main = [row for chosen in groups.values() for row in chosen]
     branches = {
@@ -518,8 +555,8 @@ def report(rows):
         over_severity(rows),
         "## One ratio for all surfaces\n\nWhat happens if the cut-off law uses the same $H/\\sigma_y$ for all surfaces? Each cell "
         "contains two numbers: the median of the leakage of the plastic solid divided by that of the cut-off law, and the "
-        "factor by which the two leakages differ at most in nine of ten cases. Only states that leak more than 1 % of the "
-        "first one in both flow directions are counted.",
+        "factor by which the two leakages differ at most in nine of ten cases. Only states that leak more than 1 % "
+        "of the first state in both flow directions are counted.",
         one_ratio(far | branches),
         "The next table counts the pairs of a contact state and a flow direction that are sealed:",
         table(
@@ -538,13 +575,15 @@ def report(rows):
         soundness(rows),
     ]  # fmt: skip
     if larger:
-        text += ["## More waves\n\nThe same comparison on 64² points, with 8 of the shortest waves per side instead of 4.", comparison({
+        text += ["## More waves\n\nThe comparison of the first table was repeated on 64² points, with 8 of the shortest waves "
+                 "per side instead of 4.", comparison({
             f"H/(E* h′) = {v:g}": [r for r in larger if float(r["severity"]) == v]
             for v in sorted({float(r["severity"]) for r in larger})}, "dimensionless hardness")]  # fmt: skip
     return "\n\n".join(text)
 
 
 def main():
+    """Measure missing cases if asked for, and print and write the report."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--measure", action="store_true", help="solve what is missing, by Tamaas")
     parser.add_argument("--records", type=Path, default=RECORDS, help="file of the results")

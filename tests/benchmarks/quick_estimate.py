@@ -1,10 +1,10 @@
-"""How far quick estimates by the spectrum alone are from contact and flow that are solved.
+"""Compare quick estimates from the spectrum alone with the solution of contact and flow.
 
     python tests/benchmarks/quick_estimate.py --write
 
-It solves 100 faces of 128² to 256² points, self-affine ones with waves as long as the face, with a
-roll-off, and bumpy ones of few waves, and turned ones; two thirds of them yield; contact fractions
-of 5 to 60 % by the quick estimate. It takes about a minute.
+The script solves 100 surfaces of 128² to 256² points: self-affine surfaces with waves as long as the surface or
+with a roll-off, bumpy surfaces with few waves, and turned surfaces. Two thirds of the surfaces yield. By the
+quick estimate, the contact fractions are 5 to 60 %. The script takes about a minute.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ KINDS = ("self-affine", "with a roll-off", "bumpy", "turned")
 
 
 def face(kind: str, rng: np.random.Generator) -> fs.Topography:
-    """A face of a kind, whose shortest wave has eight points or more."""
+    """Generate a surface of a kind, whose shortest wave has at least eight points."""
     n = int(rng.choice([128, 192, 256]))
     made = {"hurst": rng.uniform(0.5, 1.0), "rms_slope": 10 ** rng.uniform(-2, -0.7), "rng": rng}
     grid, side = (n, n), (SIZE, SIZE)
@@ -42,7 +42,7 @@ def face(kind: str, rng: np.random.Generator) -> fs.Topography:
 
 
 def compare(number: int) -> tuple[float, float, float, float]:
-    """Contact fraction and permeability [m³] of a scene as solved, and by the quick estimate."""
+    """Return the contact fraction and the permeability [m³] of a scene, as solved and by the quick estimate."""
     rng = np.random.default_rng([2026, number])
     surface = face(KINDS[number % len(KINDS)], rng)
     stiffness = MODULUS * surface.rms_slope
@@ -54,27 +54,35 @@ def compare(number: int) -> tuple[float, float, float, float]:
     body = fs.HalfSpace(surface.shape, surface.spacing, MODULUS)
     contact = fs.solve_contact(surface.gap(), body, pressure=pressure, hardness=hardness, rtol=1e-4)
     solved = fs.cell_permeability(contact.gap, surface.spacing, sides="periodic").value
-    found = estimate_surface(surface, MODULUS, hardness, [pressure])
-    return contact.area_fraction, solved, float(found.area[0]), float(found.permeability[0])
+    estimate = estimate_surface(surface, MODULUS, hardness, [pressure])
+    return contact.area_fraction, solved, float(estimate.area[0]), float(estimate.permeability[0])
 
 
-def line(name: str, found: np.ndarray) -> list[str]:
-    """A line of the table: numbers, and factors at 50 and 95 % of scenes open in both."""
-    area, solved, said, estimate = found.T
+def line(name: str, scenes: np.ndarray) -> list[str]:
+    """Return a row of the table: numbers of scenes, and factors that cover 50 and 95 % of the open scenes.
+
+    Open scenes leak both in the solution and in the quick estimate.
+    """
+    area, solved, estimated_area, estimate = scenes.T
     both = (solved > 0) & (estimate > 0)
     ratio = np.log(estimate[both] / solved[both])
     factors = [f"{np.exp(np.quantile(np.abs(ratio), part)):.2g}" for part in (0.5, 0.95)]
-    one_alone = [
+    sealed_only_in_one = [
         int(((a == 0) & (b > 0)).sum()) for a, b in ((solved, estimate), (estimate, solved))
     ]
-    contact = [f"{np.quantile(said / area, part):.2f}" for part in (0.5, 0.05, 0.95)]
-    head = [name, str(len(found)), str(int(both.sum())), f"{np.exp(np.median(ratio)):.2g}"]
-    return [*head, *factors, *map(str, one_alone), f"{contact[0]} ({contact[1]} to {contact[2]})"]
+    contact = [f"{np.quantile(estimated_area / area, part):.2f}" for part in (0.5, 0.05, 0.95)]
+    head = [name, str(len(scenes)), str(int(both.sum())), f"{np.exp(np.median(ratio)):.2g}"]
+    return [
+        *head,
+        *factors,
+        *map(str, sealed_only_in_one),
+        f"{contact[0]} ({contact[1]} to {contact[2]})",
+    ]
 
 
 def report() -> str:
-    """The table."""
-    found = np.array([compare(number) for number in range(SCENES)])
+    """Solve all scenes, and write the table."""
+    scenes = np.array([compare(number) for number in range(SCENES)])
     kind = np.arange(SCENES) % len(KINDS)
     head = [
         "surfaces",
@@ -89,17 +97,17 @@ def report() -> str:
         "sealed only in the quick estimate",
     ]
     head += ["contact fraction, quick estimate / solution"]
-    lines = [line(name, found[kind == n]) for n, name in enumerate(KINDS)]
-    light = found[:, 2] < LIGHT_CONTACT
+    lines = [line(name, scenes[kind == n]) for n, name in enumerate(KINDS)]
+    light = scenes[:, 2] < LIGHT_CONTACT
     lines += [
-        line(f"contact {name} {100 * LIGHT_CONTACT:g} %", found[part])
+        line(f"contact {name} {100 * LIGHT_CONTACT:g} %", scenes[part])
         for name, part in (("below", light), ("above", ~light))
     ]
     text = (
         "The limit of 30 % is for the contact fraction of the quick estimate. The ratio and the factors of the leakage are "
         "for scenes that are open both in the quick estimate and in the solution."
     )
-    return f"{machine()}\n\n{table(head, [*lines, line('all', found)])}\n\n{text}"
+    return f"{machine()}\n\n{table(head, [*lines, line('all', scenes)])}\n\n{text}"
 
 
 if __name__ == "__main__":

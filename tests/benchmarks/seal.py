@@ -1,14 +1,15 @@
-"""Flow over a whole seal: time, memory and error of its links against general sparse solvers.
+"""Compare the flow across a whole seal with general sparse solvers: time, memory and error.
 
     python tests/benchmarks/seal.py --sizes 10000 100000
     python tests/benchmarks/seal.py --records seal.jsonl --write
 
-Square seals, periodic along x2, of links drawn one by one: log-normal with a standard deviation σ
-of ln k, open or with 35 % of the links closed at random. Peers get the matrix of the open
-clusters, with assembly in their time: SuperLU by scipy, MKL's PARDISO, and pyamg with conjugate
-gradients. A peer's leakage is wrong where it differs by more than 1 % from elimination's. Times
-are CPU times of one thread, in a process of its own, compilation before. Open maps have a known
-answer: exp⟨ln k⟩ for a large seal, by duality (Dykhne 1971; Keller 1964).
+The seals are square networks of independent links, periodic along x2. The conductances k are log-normal with
+the standard deviation σ of ln k; all links are open, or 35 % of the links are closed at random. The other
+programs get the matrix of the open clusters, and their time includes its assembly: SuperLU of scipy, PARDISO of
+MKL, and pyamg with conjugate gradients. A leakage that differs by more than 1 % from the leakage by elimination
+counts as wrong. All times are CPU times of one thread in a process of its own, after all functions have been
+compiled. Networks without closed links have a known leakage: for a large seal, the permeability is exp⟨ln k⟩,
+by duality (Dykhne 1971; Keller 1964).
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ ANSWERS, ANSWER_SIZE = 8, 1_000_000
 
 
 def links(size, sigma, closed, seed=1):
-    """Permeabilities along and across of a square seal."""
+    """Generate the conductances of the links of a square seal, along x1 and along x2."""
     n = round(size**0.5)
     rng = np.random.default_rng(seed)
     k1, k2 = (np.exp(sigma * rng.standard_normal(shape)) for shape in ((n, n), (n - 1, n)))
@@ -38,7 +39,7 @@ def links(size, sigma, closed, seed=1):
 
 
 def solved(solver, k1, k2):
-    """Conductance of a square seal, and iterations where they are told."""
+    """Return the conductance of a square seal, and the number of iterations if the solver states it (otherwise 0)."""
     from femseal.flow import Stencil, solve_flow
 
     if solver in PEERS:
@@ -50,20 +51,20 @@ def solved(solver, k1, k2):
 
 
 def measure(task):
-    """Record of one solver on one map, or the mean of the known answer."""
+    """Return the record of one solver on one network, or the mean and the scatter of the known answer."""
     if task["solver"] == "known answer":
-        given = (links(ANSWER_SIZE, task["σ"], 0.0, seed) for seed in range(ANSWERS))
-        found = [solved("femseal", *k)[0] for k in given]
-        return {"seconds": 0.0, "mean": np.mean(found), "spread": np.std(found)}
+        networks = (links(ANSWER_SIZE, task["σ"], 0.0, seed) for seed in range(ANSWERS))
+        result = [solved("femseal", *k)[0] for k in networks]
+        return {"seconds": 0.0, "mean": np.mean(result), "spread": np.std(result)}
     for closed in (0.35, 0.0):
         solved(task["solver"], *links(1000, 1.0, closed))
     k = links(task["size"], task["σ"], task["closed"])
-    found, record = timed(partial(solved, task["solver"], *k), task["repeats"])
-    return record if found is None else record | {"leakage": found[0], "iterations": found[1]}
+    result, record = timed(partial(solved, task["solver"], *k), task["repeats"])
+    return record if result is None else record | {"leakage": result[0], "iterations": result[1]}
 
 
 def series(sizes, repeats):
-    """One series for each solver and map, and the known answers."""
+    """Yield a series of tasks for each solver and kind of network, and the tasks of the known answer."""
     for solver in (*OWN, *present(PEERS)):
         for sigma, closed in MAPS:
             task = {"solver": solver, "σ": sigma, "closed": closed, "repeats": repeats}
@@ -72,7 +73,7 @@ def series(sizes, repeats):
 
 
 def report(records):
-    """The table of all records, and the known answers."""
+    """Write the table of all records, and the comparison with the known answer."""
     others = [*OWN[1:], *PEERS]
     head = ["links", "σ", "closed", "femseal [s] (iterations)", *others]
     head += ["memory of femseal [MB]", "memory of PARDISO [MB]"]
@@ -82,14 +83,14 @@ def report(records):
         if "closed" in r:
             maps.setdefault((r["size"], r["σ"], r["closed"]), {})[r["solver"]] = r
     cells = []
-    for (size, sigma, closed), found in sorted(maps.items()):
-        own, exact = found["femseal"], found["elimination"]["leakage"]
+    for (size, sigma, closed), by_solver in sorted(maps.items()):
+        femseal_record, exact = by_solver["femseal"], by_solver["elimination"]["leakage"]
         line = [f"{size:.0e}", f"{sigma:g}", f"{closed:g}"]
-        line.append(f"{own['seconds']:.3g} ({own['iterations'] or 'direct'})")
-        for r in map(found.get, others):
+        line.append(f"{femseal_record['seconds']:.3g} ({femseal_record['iterations'] or 'direct'})")
+        for r in map(by_solver.get, others):
             wrong = r and abs(r.get("leakage", exact) / exact - 1) > 0.01
-            line.append(ratio(r, own) + (", wrong" if wrong else ""))
-        memory = (found.get(name) for name in ("femseal", "PARDISO"))
+            line.append(ratio(r, femseal_record) + (", wrong" if wrong else ""))
+        memory = (by_solver.get(name) for name in ("femseal", "PARDISO"))
         cells.append([*line, *(f"{r['bytes'] / 1e6:.0f}" if r else "–" for r in memory)])
     answers = (f"{r['mean']:.4f} ± {r['spread']:.4f} for σ = {r['σ']:g}" for r in known)
     return f"""The table shows CPU times. The times of the other programs are given as multiples of the time of femseal. "–" means that a run would

@@ -1,13 +1,13 @@
-"""Size: time and peak memory of contact and flow of ever larger faces, and of reynoldsflow.
+"""Measure time and peak memory of contact and flow for larger and larger surfaces, also with reynoldsflow.
 
     python tests/benchmarks/size.py --sizes 512 1024
     python tests/benchmarks/size.py --records size.jsonl --write
 
-Contact is of self-affine faces with 8 pixels for the shortest wave, free along x1, at a tenth of
-the hardness. Gaps are such faces cut by a plane at 20 % of their points, periodic along x2. Each
-size is a process of its own on one core; times are CPU times, memory is the peak above that
-before, for each point, without the gap itself. reynoldsflow takes the gap constant on each pixel,
-so that its permeability differs.
+The contact is that of self-affine surfaces with 8 pixels per shortest wave, free along x1, at a tenth of the
+hardness. The gaps of the flow are such surfaces, cut by a plane at 20 % of their points, periodic along x2.
+Each size runs in a process of its own on one core. The times are CPU times. The memory is the peak memory
+beyond the memory before, per point and without the gap itself. reynoldsflow takes the gap as constant on each
+pixel, so that its permeability differs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SHOWN = {
 
 
 def heights(n):
-    """Heights (n, n) [m] of a face."""
+    """Generate the heights (n, n) [m] of a surface."""
     from femseal import self_affine
 
     side = n * PIXEL
@@ -42,7 +42,7 @@ def heights(n):
 
 
 def gap_of(program, n):
-    """Undeformed gap of a face below a plane, or gap of a face cut by one, (n, n) [m], in place."""
+    """Return the undeformed gap (n, n) [m] of a contact, or the gap of a surface cut by a plane."""
     z = heights(n)
     level = z.max() if program == "contact" else np.quantile(z[::4, ::4], 1 - CONTACT)
     np.subtract(level, z, out=z)
@@ -50,14 +50,14 @@ def gap_of(program, n):
 
 
 def solved(program, gap):
-    """Permeability [m³], or fraction in contact, iterations and residual."""
+    """Solve contact or flow; return contact fraction or permeability [m³], number of iterations and residual."""
     from femseal import HalfSpace, cell_permeability, solve_contact
 
     if program == "contact":
         body = HalfSpace(gap.shape, (PIXEL, PIXEL), MODULUS, ("free", "periodic"))
         load = {"pressure": 0.1 * HARDNESS, "hardness": HARDNESS}
-        found = solve_contact(gap, body, rtol=1e-5, threads=1, **load)
-        return found.area_fraction, found.iterations, found.residual
+        contact = solve_contact(gap, body, rtol=1e-5, threads=1, **load)
+        return contact.area_fraction, contact.iterations, contact.residual
     if program == "resolved":
         flow = cell_permeability(gap, (PIXEL, PIXEL), sides="periodic")
         return flow.value, flow.iterations, flow.residual
@@ -65,24 +65,24 @@ def solved(program, gap):
 
 
 def measure(task):
-    """Record of a program on a gap of n² points, in this process."""
+    """Return the record of a program on a gap of n² points, measured in this process."""
     program, n = task["program"], task["n"]
     for small in (128, 768 if program == "resolved" else 1024):  # all loops are compiled by then
         if n**2 < small**2:
             break
         solved(program, gap_of(program, small))
-    found, record = timed(partial(solved, program, gap_of(program, n)), 3)
-    return record | dict(zip(("value", "iterations", "residual"), found or (), strict=False))
+    result, record = timed(partial(solved, program, gap_of(program, n)), 3)
+    return record | dict(zip(("value", "iterations", "residual"), result or (), strict=False))
 
 
 def series(sizes, repeats):
-    """One series for each program."""
+    """Yield a series of tasks for each program."""
     for program in (*OWN, *present(["reynoldsflow"])):
         yield [{"program": program, "n": n, "size": n**2} for n in sizes]
 
 
 def report(records):
-    """The table of all records."""
+    """Write the table of all records."""
     head = ["points", "program", "time [s]", "time per point [µs]", "peak memory [GB]"]
     head += ["bytes per point", "iterations", "residual", "permeability / that of femseal"]
     exact = {r["n"]: r["value"] for r in records if r["program"] == "resolved"}

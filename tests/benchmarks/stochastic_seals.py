@@ -1,13 +1,17 @@
-"""Drawn seals against whole faces: calibration of their bands, and how these hold elsewhere.
+"""Compare stochastic seals with whole surfaces: calibrate their intervals, and test the intervals on other scenes.
 
     python stochastic_seals.py solve ROWS.csv SHAPE FIRST LAST   # scenes of seeds from FIRST to LAST − 1
     python stochastic_seals.py calibrate ROWS.csv …              # femseal/studies/interval_calibration.csv
-    python stochastic_seals.py report ROWS.csv …                 # stochastic_seals.md, of rows of other seeds
+    python stochastic_seals.py report ROWS.csv …                 # stochastic_seals.md, from rows of other seeds
 
-A scene is a whole surface, whose deterministic leakage is the truth, and two patches of it; seals
-are drawn from each, and from both together. A shape is "in-place": as broad as the patch and four
-times as long; "broad": twice as broad; "broader": four times as broad and eight times as long;
-"ring" and "mesh": as "broad", on a ring so large that it is straight, and on triangles.
+A scene is a whole surface, whose deterministic leakage is the true leakage, and two patches of it. Seals are
+simulated from each patch, and from both patches together. A shape is one of:
+
+    in-place   as wide as the patch and four times as long
+    broad      twice as wide as the patch and four times as long
+    broader    four times as wide as the patch and eight times as long
+    ring       as "broad", on a ring that is so large that it is straight
+    mesh       as "broad", on a mesh of triangles
 """
 
 from __future__ import annotations
@@ -43,18 +47,18 @@ DECADES = ((-1.0, 1.0), (1.0, 2.0), (2.0, 3.0), (-1.0, 2.0))
 PATCHES = ("first", "second", "both")
 #: Inlet pressure of a fluid that acts, in parts of the lowest load.
 ACTS = (0.1, 0.6)
-TOLD = """The table shows the leakage of seals that were simulated from one patch, divided by that of the
-whole surface. The loads are grouped by the number of decades by which the leakage of the whole
-surface has fallen below that at the first load. In every third scene a fluid pressure acts on the surfaces."""
-SURFACES_TOLD = """Each interval was computed from one patch. The table shows the fraction of the loads at which it
+INTRODUCTION = """The table shows the leakage of seals that were simulated from one patch, divided by the
+leakage of the whole surface. The loads are grouped by the number of decades by which the leakage
+of the whole surface has fallen below its value at the first load. In every third scene a fluid pressure acts on the surfaces."""
+SURFACES_TEXT = """Each interval was computed from one patch. The table shows the fraction of the loads at which it
 contains the true leakage, for three groups: the simulations that were used for the calibration;
 the same simulations, if all surfaces of their kind are left out of the calibration; and other
 simulations that were not used for the calibration."""
-HALVES_TOLD = """The next table groups the loads by the number of decades by which the true leakage lies below that
-at the first load. The column "half-width" contains the median of the factor between the leakage and an end of its
+HALF_DECADES_TEXT = """The next table groups the loads by the number of decades by which the true leakage lies below its
+value at the first load. The column "half-width" contains the median of the factor between the leakage and an end of its
 interval; intervals whose lower end is 0 are left out. "Two patches" are measured on the same surface and used together."""
 #: Names of shapes in the report.
-SHAPES_TOLD = {"in-place": "as wide as the patch", "broad": "twice as wide"}
+SHAPE_NAMES = {"in-place": "as wide as the patch", "broad": "twice as wide"}
 #: Kinds of drawn seals that this script calibrates.
 KINDS_OF_SEALS = ("in order", "at random")
 #: Heads of `ratio_cells`.
@@ -62,9 +66,9 @@ RATIO_HEAD = ["loads", "5 %", "25 %", "50 %", "75 %", "95 %"]
 
 
 def scene_of(surface, seed, length, breadth):
-    """A whole face, and patches of it: two of them, each under the same loads, and both together.
+    """Return the scene of a whole surface, and its patches: two separate patches, and both patches together.
 
-    In every third scene a fluid acts. The second patch is far from the first.
+    In every third scene, a fluid pressure acts on the surfaces. The second patch is far from the first patch.
     """
     side = 0 if breadth == 1 and seed % 3 == 0 else 96
     drawn = Drawn(surface, seed, length, side, breadth)
@@ -82,7 +86,7 @@ def scene_of(surface, seed, length, breadth):
 
 
 def mesh_of(size, side, folder):
-    """A rectangle of triangles [m], with its inlet and outlet, as a file."""
+    """Write a rectangle of triangles [m] with its inlet and outlet to a file, and return the path."""
     import meshio
     from skfem import MeshTri
 
@@ -107,7 +111,7 @@ def mesh_of(size, side, folder):
 
 
 def drawn_of(shape, patch, size, folder):
-    """Seals of a shape, as large as the whole face."""
+    """Simulate seals of a shape, as large as the whole surface."""
     if shape == "ring":
         ring = AnnularLayout(20 * size[0], 21 * size[0])
         return fs.stochastic(replace(patch, layout=ring), None, fs.Sampling(None, seed=1))
@@ -120,7 +124,7 @@ def drawn_of(shape, patch, size, folder):
 
 
 def solved_rows(shape, seeds, surfaces=SURFACES):
-    """A row for each step of each scene."""
+    """Yield a row for each load step of each scene."""
     with tempfile.TemporaryDirectory() as folder:
         for seed, sides, surface in product(seeds, SIDES[shape], surfaces):
             try:
@@ -130,7 +134,7 @@ def solved_rows(shape, seeds, surfaces=SURFACES):
 
 
 def of_scene(shape, surface, seed, length, breadth, folder):
-    """The rows of one scene: of each patch, and of both together."""
+    """Yield the rows of one scene, for each patch and for both patches together."""
     whole, patches = scene_of(surface, seed, length, breadth)
     truth = fs.deterministic(whole).leakage
     if not np.nanmax(truth, initial=0.0) > 0:
@@ -145,7 +149,10 @@ def of_scene(shape, surface, seed, length, breadth, folder):
 
 
 def state_rows(same, scene, study, budget, truth):
-    """Rows of a study at every step: its state, and its leakage and its truth over that of an open seal."""
+    """Yield a row for each load step of a study: its contact state, its leakage and the true leakage.
+
+    Leakages are divided by the leakage of an open seal.
+    """
     q, steps = budget.leakage, scene.steps
     unknown = np.full(len(steps), np.nan)
     still_open = open_leakage_of(study, scene)
@@ -164,13 +171,13 @@ def state_rows(same, scene, study, budget, truth):
 
 
 def calibrated(rows):
-    """Rows of the calibration set: the state, and leakage and truth over that of an open seal."""
+    """Yield the rows of the calibration set: contact state, leakage and true leakage."""
     for row in rows:
         yield {name: row[name] for name in patch_interval.COLUMNS}
 
 
 def report(rows):
-    """What the intervals contain, by shape, by kind of surface and by half decade."""
+    """Tabulate how often the intervals contain the true leakage, by shape, by kind of surface and by half decade."""
     lines = []
     for shape in SIDES:
         for low, high in DECADES:
@@ -182,28 +189,28 @@ def report(rows):
             if chosen:
                 scenes = len({row["scene"] for row in chosen})
                 decades = f"{max(low, 0):g} to {high:g}"
-                lines.append([SHAPES_TOLD.get(shape, shape), decades, scenes, *ratio_cells(chosen)])
-    texts = [TOLD, table(["shape", "decades", "scenes", *RATIO_HEAD], lines)]
+                lines.append([SHAPE_NAMES.get(shape, shape), decades, scenes, *ratio_cells(chosen)])
+    texts = [INTRODUCTION, table(["shape", "decades", "scenes", *RATIO_HEAD], lines)]
     for kind in KINDS_OF_SEALS:
         unseen = [row for row in rows if row["kind"] == kind]
-        texts += [f"## Cells {kind}", SURFACES_TOLD, by_surface(kind, unseen)]
+        texts += [f"## Cells {kind}", SURFACES_TEXT, by_surface(kind, unseen)]
         texts += [
-            HALVES_TOLD,
+            HALF_DECADES_TEXT,
             by_half_decade(kind, unseen or patch_interval.calibration_rows(kind)),
         ]
     return "\n\n".join(texts)
 
 
 def ratio_cells(rows):
-    """Count of loads, and quantiles of leakage over truth."""
+    """Return the number of loads, and quantiles of leakage / true leakage."""
     q, truth = (np.array([float(row[name]) for row in rows]) for name in ("leakage", "truth"))
     with np.errstate(divide="ignore", invalid="ignore"):
         quantiles = np.nanquantile(q / truth, [0.05, 0.25, 0.5, 0.75, 0.95])
     return [str(len(rows)), *(f"{r:.2f}" for r in quantiles)]
 
 
-def commands(script, title, solve, kinds, told):
-    """What both scripts of the calibration set do: solve rows, calibrate their kinds, report."""
+def commands(script, title, solve, kinds, report_of):
+    """Run the command line of both scripts of the calibration set: solve rows, calibrate, or write the report."""
     warnings.simplefilter("ignore")
     command, *paths = sys.argv[1:] or ["--help"]
     if command == "solve":
@@ -215,7 +222,7 @@ def commands(script, title, solve, kinds, told):
         others = [row for row in known if row["kind"] not in anew]
         write_rows(patch_interval.CALIBRATION, [*others, *calibrated(rows)])
     elif command == "report":
-        print_report(script, title, f"{machine()}\n\n{told(read_rows(paths))}", write=True)
+        print_report(script, title, f"{machine()}\n\n{report_of(read_rows(paths))}", write=True)
     else:
         print(sys.modules["__main__"].__doc__)
 

@@ -1,4 +1,4 @@
-"""A material that is soft beside its slopes is cut off at the height whose bearing area is p̄/H."""
+"""Test that a material whose elastic deformation is negligible is cut off at the height of the bearing area p̄/H."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from .faces import MODULUS, SLOPE, rough
 
 
 def bearing_area(n=256, ratios=(1.0, 0.1, 0.01, 1e-3, 1e-4), shares=(1 / 16, 1 / 4, 1 / 2, 3 / 4)):
-    """Elastic-plastic contact for H/(E*h′) → 0 against the face cut off at a bearing area of
-    p̄/H.
+    """Compare elastic-plastic contacts for H/(E*h′) → 0 with the surface cut off at a bearing area of p̄/H.
 
-    Records with the contact area over p̄/H, the part of contact that is not the bearing area, and
-    the largest difference of the gap to the truncated one over the rms height. Areas are whole
-    numbers of pixels; the level is known to two neighbours among the sorted heights.
+    Each record contains the contact area divided by p̄/H, the part of the contact that lies outside the bearing
+    area, and the largest difference between the gap and the gap of the cut surface, divided by the rms height.
+    Areas are whole numbers of pixels; the height of the cut lies between two neighbouring values of the sorted
+    heights.
     """
     gap0, body = rough(n)
     ordered = np.sort(gap0, axis=None)

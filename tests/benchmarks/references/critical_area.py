@@ -1,8 +1,8 @@
-"""The contact area at which an elastic isotropic face closes, and how its flow ceases.
+"""Compute the contact area at which an elastic isotropic surface closes, and how its flow vanishes.
 
-Dapp, Lücke, Persson & Müser, Phys. Rev. Lett. 108, 2012, 244301; Dapp & Müser, Sci. Rep. 6, 2016,
-19513; Wang & Müser, Tribol. Lett. 69, 2021, 1. A face has `waves` longest waves on a side (side
-over roll-off), a shortest wave `range_` times shorter, and `pixels` per shortest wave.
+Dapp, Lücke, Persson & Müser, Phys. Rev. Lett. 108, 2012, 244301; Dapp & Müser, Sci. Rep. 6, 2016, 19513; Wang &
+Müser, Tribol. Lett. 69, 2021, 1. The side of a surface is `waves` times its longest wave (the roll-off), its
+shortest wave is `range_` times shorter than its longest wave, and it has `pixels` pixels per shortest wave.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ EXPONENT = -0.75
 
 
 def bisected(is_open, low, high, steps):
-    """The last value at which something is open, and the first at which it is not."""
+    """Return the last value at which a surface is open, and the first value at which it is closed, by bisection."""
     for _ in range(steps):
         middle = (low + high) / 2
         low, high = (middle, high) if is_open(middle) else (low, middle)
@@ -31,7 +31,7 @@ def bisected(is_open, low, high, steps):
 
 
 class Face:
-    """An elastic face, its contacts by load p̄/E*h′, and where each direction of flow closes."""
+    """An elastic surface, its contacts by the load p̄/E*h′, and the loads at which it closes along each axis."""
 
     def __init__(self, waves, pixels=8, range_=8, rng=0):
         n, side = waves * range_ * pixels, 1e-3
@@ -42,36 +42,38 @@ class Face:
         self.state = cache(self._state)
 
     def contact(self, load, rtol):
-        """The contact at a load."""
+        """Solve the contact at a load."""
         return solve_contact(self.gap0, self.body, pressure=load * MODULUS * SLOPE, rtol=rtol)
 
     def _state(self, load):
+        """Return whether the surface is open along x1 and along x2, and its corrected contact area, at a load."""
         contact = self.contact(load, 1e-5)
         is_open = contact.pressure == 0
         ways = (percolates(way) for way in (is_open, is_open.T))
         return *ways, contact.area_fraction_corrected
 
     def closing(self, axis, steps=8):
-        """Load and contact area, corrected for its edges, at which the flow along an axis ends."""
+        """Return the load and the corrected contact area at which the flow along an axis ends."""
         ends = bisected(lambda load: self.state(load)[axis], 0.1, 0.5, steps)
         return np.mean(ends), np.mean([self.state(load)[2] for load in ends])
 
     def permeability(self, load):
-        """Permeability along x1 [m³]."""
+        """Compute the permeability along x1 [m³] at a load."""
         gap = self.contact(load, 1e-7).gap
         return cell_permeability(gap, self.spacing, sides="periodic").value
 
 
 def closing_areas(waves, faces, **options):
-    """Contact area at closing along x1 and x2 of as many faces, (faces, 2)."""
+    """Compute the contact areas at which several surfaces close along x1 and x2, (surface, axis)."""
     made = (Face(waves, rng=seed, **options) for seed in range(faces))
     return np.array([[face.closing(axis)[1] for axis in (0, 1)] for face in made])
 
 
 def truncated_areas(waves, faces):
-    """Fraction cut off at which the undeformed faces close along x1 and x2, (faces, 2)."""
+    """Compute the fractions cut off at which the undeformed surfaces close along x1 and x2, (surface, axis)."""
 
     def closing(gap):
+        """Return the fraction cut off at which a gap closes along x1."""
         return bisected(lambda cut: percolates(gap > np.quantile(gap, cut)), 0.1, 0.9, 10)[0]
 
     gaps = (Face(waves, rng=seed).gap0 for seed in range(faces))
@@ -79,18 +81,18 @@ def truncated_areas(waves, faces):
 
 
 def critical_area(sizes=SIZES):
-    """Closing areas by size, and their extrapolation a + b·waves^(−3/4) to an infinite face.
+    """Compute the closing areas by size, and extrapolate them to an infinite surface by a + b·waves^(−3/4).
 
-    Both directions of a face are one sample for the standard error, of a median 1.25 times that of
-    a mean.
+    For the standard error, the mean over both axes of a surface is one sample. The standard error of a median
+    is 1.25 times that of a mean.
     """
     waves, faces = np.array(sizes).T
-    found = [closing_areas(*size) for size in sizes]
-    error = [1.25 * a.mean(axis=1).std(ddof=1) / np.sqrt(len(a)) for a in found]
-    median = [np.median(areas) for areas in found]
+    areas_by_size = [closing_areas(*size) for size in sizes]
+    error = [1.25 * a.mean(axis=1).std(ddof=1) / np.sqrt(len(a)) for a in areas_by_size]
+    median = [np.median(areas) for areas in areas_by_size]
     x = waves**EXPONENT
     (_, area), covariance = np.polyfit(x, median, 1, w=1 / np.array(error), cov="unscaled")
-    spread = [areas.std() for areas in found]
+    spread = [areas.std() for areas in areas_by_size]
     columns = {
         "waves": waves,
         "faces": faces,
@@ -102,7 +104,7 @@ def critical_area(sizes=SIZES):
 
 
 def resolution(pixels=(4, 8, 16), faces=12, waves=4):
-    """Mean closing area of the same faces with finer pixels."""
+    """Compute the mean closing area of the same surfaces on finer and finer pixels."""
     return {p: closing_areas(waves, faces, pixels=p).mean() for p in pixels}
 
 
@@ -111,7 +113,7 @@ DISTANCES = (0.025, 0.0125, 0.006, 0.003)
 
 
 def flow_near_closing(faces=6, waves=2, pixels=256):
-    """Exponents of the permeability over the distance to the load that closes each face."""
+    """Compute the exponents of the permeability against the distance to the closing load of each surface."""
     exponents = []
     for seed in range(faces):
         face = Face(waves, pixels=pixels, range_=2, rng=seed)

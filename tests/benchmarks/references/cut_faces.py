@@ -1,9 +1,9 @@
-"""Permeability of self-affine faces cut off at a height, against a public collection.
+"""Compute the permeability of cut self-affine surfaces, for comparison with a public collection.
 
-Faces have a power-law spectrum between two wave numbers, k1 (in waves on a side) and 64 k1, Hurst
-exponent .8, and are cut so that 30 % is in contact; K is without the 1/12, over the variance of
-the heights to the power 3/2. Between reservoirs the pressure is constant along inlet and outlet;
-periodic is the tensor of the cell.
+The surfaces have a power-law spectrum between two wave numbers, k1 (in waves per side) and 64 k1, with a Hurst
+exponent of 0.8. They are cut so that 30 % of the area is in contact. K is the permeability without the factor
+1/12, divided by the variance of the heights to the power 3/2. "Between reservoirs" means a constant pressure
+along inlet and outlet; "periodic" is the permeability tensor of the cell.
 """
 
 from __future__ import annotations
@@ -18,17 +18,20 @@ CLOSED, RATIO = 0.3, 64
 
 
 def heights(n, k1, seed):
-    """Heights (n, n) of unit variance with a power law between two wave numbers."""
+    """Generate heights (n, n) of unit variance with a power-law spectrum between two wave numbers."""
     wave = np.hypot(*np.meshgrid(*[np.fft.fftfreq(n) * n] * 2, indexing="ij"))
-    held = (wave >= k1) & (wave <= RATIO * k1)
-    amplitude = np.where(held, np.maximum(wave, 1) ** -1.8, 0.0)
+    is_in_range = (wave >= k1) & (wave <= RATIO * k1)
+    amplitude = np.where(is_in_range, np.maximum(wave, 1) ** -1.8, 0.0)
     noise = np.random.default_rng(seed).standard_normal((n, n))
     z = np.fft.ifft2(np.fft.fft2(noise) * amplitude).real
     return z / z.std()
 
 
 def cut_faces(cases=((8, 1024, 10), (16, 2048, 4))):
-    """Permeabilities (faces, 2) by k1, points a side and number of faces."""
+    """Compute mean and scatter of the permeabilities (reservoirs, periodic), by k1.
+
+    A case is (k1, points per side, number of surfaces).
+    """
     records = []
     for k1, n, count in cases:
         values = []

@@ -1,4 +1,4 @@
-"""The periodic self-affine faces on which femseal is compared with others."""
+"""Generate the periodic self-affine surfaces on which femseal is compared with other programs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SLOPE = 0.2
 
 
 def rough(n, *, pixels_per_wave=8, waves=8, rng=1):
-    """Undeformed gap (n, n) [m] of a face with pixels of 1 µm, and its half-space."""
+    """Return the undeformed gap (n, n) [m] of a surface with pixels of 1 µm, and its half-space."""
     size, spacing = n * 1e-6, 1e-6
     ends = {"roll_off": size / waves, "cut_off": pixels_per_wave * spacing}
     face = self_affine((n, n), (size, size), hurst=0.8, rms_slope=SLOPE, rng=rng, **ends)
@@ -20,7 +20,7 @@ def rough(n, *, pixels_per_wave=8, waves=8, rng=1):
 
 
 def percolates(is_open):
-    """Whether pixels (n1, n2), periodic along x2, join the ends of x1 over common sides."""
+    """Return whether open pixels (n1, n2), periodic along x2, connect the ends of x1 over common sides."""
     open_ = np.pad(is_open, ((1, 1), (0, 0)), mode="edge")
     along, across = open_[:-1] & open_[1:], is_open & np.roll(is_open, -1, axis=1)
     return bool(nodes_reached(along.astype(float), across.astype(float))[0, 0] == 3)

@@ -1,10 +1,9 @@
-"""At which load the finish of a metal seal stops mattering.
+"""Find the load at which the finish of a metal seal no longer matters.
 
-SAE paper 650312, "Metal-to-Metal and Metal Gasketed Seals", 1965 (abstract): to ignore the
-surface finish the stress must be about 2.75 times the yield strength σ_y of the weaker material;
-with asperities controlled in magnitude and direction it may be considerably less; extremely fine
-finishes without radial asperities seal below σ_y. In femseal a hardness H stands for yielding of
-asperities; here H = 2.75 σ_y.
+SAE paper 650312, "Metal-to-Metal and Metal Gasketed Seals", 1965 (abstract), states: The surface finish can be
+ignored if the stress is about 2.75 times the yield strength σ_y of the weaker material. With asperities
+controlled in magnitude and direction, the stress may be considerably less. Extremely fine finishes without
+radial asperities seal below σ_y. In femseal, asperities yield at a hardness H; in this comparison H = 2.75 σ_y.
 """
 
 from __future__ import annotations
@@ -24,10 +23,10 @@ SPACING = 2e-6
 
 
 def heights(kind, rms, n):
-    """Heights (n, n) [m] of a face of 2 µm pixels; flow is along x1.
+    """Generate the heights (n, n) [m] of a surface with pixels of 2 µm; the flow is along x1.
 
-    Grooves are those of a turning tool with an eighth of the side as feed, and a tenth of isotropic
-    roughness; the scratch is 5 rms heights deep and 16 µm wide to 1/e on each side.
+    The grooves are those of a turning tool with a feed of an eighth of the side, and with a tenth of isotropic
+    roughness. The scratch is 5 rms heights deep, and 16 µm wide to 1/e on each side.
     """
     side = n * SPACING
     ends = {"roll_off": side / 8, "cut_off": 8 * SPACING}
@@ -42,8 +41,8 @@ def heights(kind, rms, n):
 
 
 def closing_loads(n=256, rms=RMS):
-    """Mean pressures over σ_y between which a face closes, by kind and rms height."""
-    body, found = HalfSpace((n, n), (SPACING, SPACING), MODULUS), {}
+    """Find the mean pressures divided by σ_y between which a surface closes, by kind and rms height."""
+    body, ranges = HalfSpace((n, n), (SPACING, SPACING), MODULUS), {}
     for kind in KINDS:
         for height in rms:
             gap0, below = -heights(kind, height, n), 0.0
@@ -53,5 +52,5 @@ def closing_loads(n=256, rms=RMS):
                 if not percolates(contact.gap > 0):
                     break
                 below = load
-            found[kind, height] = 2.75 * below, 2.75 * load
-    return found
+            ranges[kind, height] = 2.75 * below, 2.75 * load
+    return ranges

@@ -1,9 +1,10 @@
-"""How the leakage of turned and ground faces depends on pressure, hardness and finish, beside the law of a handbook.
+"""Compute how the leakage of turned and ground surfaces depends on pressure, hardness and finish.
 
-The Handbook of Reliability Prediction Procedures for Mechanical Equipment (Naval Surface Warfare Center, NSWC-11, chapter
-3) derives the failure rate of static seals from their leakage. It is proportional to (M/C)^4.3 with the hardness M and
-the contact stress C, and to f^1.65 with the surface finish f from 15 µin (0.38 µm) on. Here these exponents are
-computed as differences over ±10 % of pressure and heights. The exponent of the hardness H follows from the scaling law
+The exponents are compared with the Handbook of Reliability Prediction Procedures for Mechanical Equipment
+(Naval Surface Warfare Center, NSWC-11, chapter 3), which derives the failure rate of static seals from their
+leakage. In the handbook, the leakage is proportional to (M/C)^4.3 with the hardness M and the contact stress C,
+and to f^1.65 with the surface finish f from 15 µin (0.38 µm) on. Here these exponents are computed as
+differences over ±10 % of pressure and heights. The exponent of the hardness H follows from the scaling law
 k(αa, αH, αp) = α³ k(a, H, p) of the permeability k, with the amplitude a of the heights.
 """
 
@@ -27,7 +28,7 @@ STEP = 1.1
 
 
 def face(kind: str, n: int, seed: int) -> Topography:
-    """Face of n² points and eight marks along x1, with an rms height of 1 m; its lay is along x2, across the flow."""
+    """Generate a surface of n² points with eight marks along x1 and an rms height of 1 m; its lay is along x2."""
     side = 8 * PITCH
     if kind == "turned":
         feed = {"pitch": PITCH, "depth": 2.5e-6, "feed_error": 0.03, "depth_error": 0.1}
@@ -43,7 +44,7 @@ def face(kind: str, n: int, seed: int) -> Topography:
 
 
 def log_permeability(surface: Topography, rms: float, pressure: float) -> float:
-    """ln k [m³] across the lay of a face under a nominal pressure [Pa]; −inf if it is sealed."""
+    """Compute ln k [m³] across the lay of a surface under a nominal pressure [Pa]; −inf if the surface is sealed."""
     body = HalfSpace(surface.shape, surface.spacing, MODULUS)
     gap0 = rms * (surface.heights.max() - surface.heights)
     contact = solve_contact(gap0, body, pressure=pressure, hardness=HARDNESS, rtol=1e-6)
@@ -53,7 +54,7 @@ def log_permeability(surface: Topography, rms: float, pressure: float) -> float:
 
 
 def exponents(surface: Topography, rms: float, load: float) -> dict[str, float]:
-    """Exponents of pressure (with its sign changed), hardness and finish at a load; NaN if the face is sealed."""
+    """Compute the exponents of pressure (with its sign changed), hardness and finish; NaN if the surface is sealed."""
     pressure = load * HARDNESS
     step = 2 * np.log(STEP)
     with np.errstate(invalid="ignore"):
@@ -68,21 +69,24 @@ def exponents(surface: Topography, rms: float, load: float) -> dict[str, float]:
 
 
 def handbook_exponents(n=256, seeds=(1, 2, 3), rms=RMS, loads=LOADS):
-    """Mean exponents over the seeds by kind of face and load: arrays over the rms heights."""
-    found = {}
+    """Compute the exponents by kind of surface and load, as means over the seeds.
+
+    Each exponent is an array over the rms heights.
+    """
+    means = {}
     for kind in ("turned", "ground"):
         surfaces = [face(kind, n, seed) for seed in seeds]
         for load in loads:
             records = [[exponents(s, height, load) for s in surfaces] for height in rms]
-            found[kind, load] = {
+            means[kind, load] = {
                 name: np.array([np.mean([r[name] for r in row]) for row in records])
                 for name in CLAIMED
             }
-    return found
+    return means
 
 
 def range_text(values) -> str:
-    """Smallest and largest of the known values, "sealed" if there are none."""
+    """Write the smallest and the largest of the known values, or "sealed" if there are none."""
     known = values[np.isfinite(values)]
     if not known.size:
         return "sealed"

@@ -1,14 +1,15 @@
 """Solve the contact of a half-space that yields below its surface by von Mises' criterion, with Tamaas.
 
-Tamaas finds the plastic strain below a given contact pressure (Frérot, Bonnet, Molinari & Anciaux, Comput. Methods
-Appl. Mech. Eng. 351, 2019, 951). Its own coupling with the contact, a relaxation of the residual displacement, needs
-hundreds of such solutions. Here the coupling is a proximal iteration, and needs about ten.
+Tamaas computes the plastic strain below a given contact pressure (Frérot, Bonnet, Molinari & Anciaux, Comput.
+Methods Appl. Mech. Eng. 351, 2019, 951). The coupling with the contact that Tamaas contains, a relaxation of
+the residual displacement, needs hundreds of such solutions. The coupling in this module is a proximal
+iteration, and needs about ten.
 
-Let X(p) be the displacement of the surface by the plastic strain below the pressure p, and K p the elastic displacement.
-The pressure of the next iteration is that of the elastic contact of the initial gap plus X(p) − β K p, for a
-half-space that is 1 + β times as compliant. It minimises the complementary energy, whose unknown curvature is
-replaced by (1 + β) K. A fixed point is a solution for every β, because both terms with β cancel. Anderson mixing
-accelerates the iteration.
+Let X(p) be the displacement of the surface by the plastic strain below the pressure p, and K p the elastic
+displacement. The pressure of the next iteration is that of the elastic contact of the initial gap plus X(p) − β
+K p, for a half-space that is 1 + β times as compliant. It minimises the complementary energy, whose unknown
+curvature is replaced by (1 + β) K. A fixed point is a solution for every β, because both terms with β cancel.
+Anderson mixing accelerates the iteration.
 """
 
 from __future__ import annotations
@@ -37,7 +38,17 @@ _STRAIN_TOLERANCE = 1e-4
 
 @dataclass(frozen=True)
 class Pressed:
-    """A state of contact. pressure, gap : (n, n). error : mean change of the pressure in the last step over the mean."""
+    """State of a contact.
+
+    Parameters
+    ----------
+    pressure, gap : arrays (n, n)
+        Contact pressure and gap.
+    error : float
+        Mean change of the pressure in the last iteration, divided by the mean pressure.
+    iterations : int
+        Number of iterations.
+    """
 
     pressure: np.ndarray
     gap: np.ndarray
@@ -48,7 +59,18 @@ class Pressed:
 class PlasticSolid:
     """A periodic half-space of side 1 with von Mises plasticity and linear isotropic hardening.
 
-    points : a side. layers : of points over `depth`, below which nothing yields. hardening : dσ/dε over Young's modulus.
+    Parameters
+    ----------
+    points : int
+        Number of points per side.
+    layers : int
+        Number of layers of points down to `depth`.
+    depth : float
+        Depth below which no point yields.
+    yield_stress : float
+        Yield stress.
+    hardening : float
+        Hardening dσ/dε divided by Young's modulus.
     """
 
     def __init__(self, points, layers, depth, yield_stress, hardening):
@@ -73,13 +95,14 @@ class PlasticSolid:
         self._kernel = np.divide(2 / MODULUS, q, out=np.zeros_like(q), where=q > 0)
 
     def elastic_displacement(self, pressure):
-        """Return K p, of mean 0."""
+        """Return the elastic displacement K p, whose mean is 0."""
         return np.fft.ifft2(self._kernel * np.fft.fft2(pressure)).real
 
     def plastic_displacement(self, pressure, tolerance=_STRAIN_TOLERANCE):
-        """Return X(p), of mean 0, from the last kept state. tolerance : of the strain, over the yield strain.
+        """Return the plastic displacement X(p), whose mean is 0, from the last stored state.
 
-        Tamaas takes the traction since the last update, and returns the displacement by the plastic strain since then.
+        The tolerance refers to the strain divided by the yield strain. Tamaas takes the traction since the last
+        stored state, and returns the displacement by the plastic strain since then.
         """
         self.model.traction[..., 2] = pressure - self.kept_pressure
         size = np.sqrt(self.strain_increment.size)
@@ -91,17 +114,31 @@ class PlasticSolid:
         return self._displacement
 
     def keep(self):
-        """Keep the plastic strain of the last solution: the next solutions begin from it."""
+        """Store the plastic strain of the last solution; the next solutions begin from it."""
         self.solver.updateState()
         self.strain_increment[...] = 0.0
         self.kept_pressure, self.kept_displacement = self._pressure, self._displacement
 
 
 def press(solid, gap0, pressure, start, tolerance=1e-3, beta=8.0, most=60):
-    """Press a rough rigid surface on the solid, from the last kept state.
+    """Press a rough rigid surface on the solid, from the last stored state.
 
-    gap0 : initial gap (n, n). pressure : mean pressure. start : first guess of the pressure (n, n).
-    tolerance : of the mean change of the pressure by one step, over the mean pressure. beta : see the module.
+    Parameters
+    ----------
+    solid : PlasticSolid
+        Solid that yields.
+    gap0 : array (n, n)
+        Initial gap.
+    pressure : float
+        Mean pressure.
+    start : array (n, n)
+        Initial guess of the pressure.
+    tolerance : float
+        Mean change of the pressure in an iteration, divided by the mean pressure, at which the iteration stops.
+    beta : float
+        Parameter β of the proximal iteration, see the module.
+    most : int
+        Largest number of iterations.
     """
     points = solid.points
     soft = fs.HalfSpace((points, points), (1 / points, 1 / points), MODULUS / (1 + beta))
@@ -126,14 +163,14 @@ def press(solid, gap0, pressure, start, tolerance=1e-3, beta=8.0, most=60):
 
 
 def _gap(solid, raised, pressure):
-    """Return the gap of the elastic contact with the plastic displacement in the surface."""
+    """Return the gap of the elastic contact of the surface with the plastic displacement."""
     points = solid.points
     body = fs.HalfSpace((points, points), (1 / points, 1 / points), MODULUS)
     return fs.solve_contact(raised - raised.min(), body, pressure=pressure, rtol=1e-7).gap
 
 
 def _anderson(pressures, changes):
-    """Combine the last pressures p and their changes f(p) so that the combined change is least; the next pressure."""
+    """Combine the last pressures p and their changes so that the combined change is smallest; return the next pressure."""
     p, f = pressures[-1], changes[-1]
     if len(changes) == 1:
         return p + f

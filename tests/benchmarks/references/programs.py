@@ -1,4 +1,4 @@
-"""Fields of other programs on the same problem."""
+"""Compare fields of femseal with fields of other programs on the same problem."""
 
 from __future__ import annotations
 
@@ -14,32 +14,38 @@ TIGHT = {"Tamaas": (1e-12, 1e-10), "ContactMechanics": (1e-9, 1e-9)}
 
 
 def contact_fields(peer, n=256, pressures=(200e6, 1e9), hardnesses=(np.inf, 4e9)):
-    """Largest difference of pressure over the largest, of gap over rms height, pixels otherwise."""
+    """Compare contact pressure and gap with a program.
+
+    Each record contains the largest difference of the pressure over the largest pressure, the largest
+    difference of the gap over the rms height, and the number of pixels that are in contact in one program only.
+    """
     gap0, body = rough(n)
     records = []
     for hardness in hardnesses:
         solve = CONTACTS[peer](body.shape, body.spacing[0], MODULUS, hardness)
         for pressure in pressures:
             load = {"pressure": pressure, "hardness": hardness}
-            own = solve_contact(gap0, body, rtol=1e-10, **load)
+            contact = solve_contact(gap0, body, rtol=1e-10, **load)
             theirs, gap = solve(gap0, pressure, TIGHT[peer][int(np.isfinite(hardness))])
             records.append(
                 load
                 | {
-                    "difference of pressure": np.abs(theirs - own.pressure).max()
-                    / own.pressure.max(),
-                    "of gap": np.abs(gap - own.raw_gap).max() / gap0.std(),
-                    "pixels otherwise": np.count_nonzero((theirs > 0) != (own.pressure > 0)),
+                    "difference of pressure": np.abs(theirs - contact.pressure).max()
+                    / contact.pressure.max(),
+                    "of gap": np.abs(gap - contact.raw_gap).max() / gap0.std(),
+                    "pixels otherwise": np.count_nonzero((theirs > 0) != (contact.pressure > 0)),
                 }
             )
     return records
 
 
 def flow_fields(n=128, refinements=(1, 2, 4)):
-    """Flow through a contact by reynoldsflow, gaps constant on pixels, on finer and finer grids.
+    """Compare the flow through a contact with reynoldsflow on finer and finer grids.
 
-    Relative difference of the permeability, and the largest and rms one of the fluid pressure over
-    its drop, to ours.
+    In reynoldsflow, the gap is constant on each pixel.
+
+    Each record contains the relative difference of the permeability, and the rms and the largest difference of
+    the fluid pressure, divided by the pressure drop.
     """
     size = n * 1e-6
     records = []
@@ -51,14 +57,16 @@ def flow_fields(n=128, refinements=(1, 2, 4)):
         load = {"pressure": 200e6, "hardness": 4e9}
         gap = solve_contact(-face.heights, body, rtol=1e-8, **load).gap
         value, theirs = reynoldsflow(gap)
-        own = cell_permeability(gap, face.spacing, sides="periodic", rtol=1e-10, field_rtol=1e-8)
+        cell_flow = cell_permeability(
+            gap, face.spacing, sides="periodic", rtol=1e-10, field_rtol=1e-8
+        )
         # the inlet is at pressure 1 here, at 0 there
-        ways = (p - theirs for p in (1 - own.fluid_pressure, own.fluid_pressure))
+        ways = (p - theirs for p in (1 - cell_flow.fluid_pressure, cell_flow.fluid_pressure))
         difference = min(ways, key=lambda d: np.nanmean(np.abs(d)))
         records.append(
             {
                 "pixels per shortest wave": 8 * refinement,
-                "difference of permeability": own.value / value - 1,
+                "difference of permeability": cell_flow.value / value - 1,
                 "of fluid pressure, rms": np.sqrt(np.nanmean(difference**2)),
                 "at most": np.nanmax(np.abs(difference)),
             }

@@ -1,8 +1,8 @@
-"""Rock fractures loaded to 10.3 MPa and unloaded, with flow at a constant rate.
+"""Compare the flow resistance of rock fractures that are loaded to 10.3 MPa and unloaded.
 
-The inlet pressure is proportional to the resistance, beside an offset of about 100 kPa. Mated
-fractures are taken for a self-affine face against a flat one; unknown are the load over E* × rms
-slope, and the hardness over it. Vogler, Kling and co-workers 2018, specimen vd2.
+In the experiment, the flow rate is constant, and the inlet pressure is proportional to the resistance, apart
+from an offset of about 100 kPa. A mated fracture is modelled as a self-affine surface against a flat. Unknown
+are the load over E* × rms slope, and the hardness over it. Vogler, Kling and co-workers 2018, specimen vd2.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ MEASURED = ((125, 156, 223, 313, 576, 914, 1810), (229, 437, 731, 983, 1370, 163
 
 
 def resistances(scale, hardness, n=256):
-    """ln of resistances on loading and unloading (2, 7), over that at the highest load."""
+    """Compute ln of the resistances on loading and unloading (2, 7), relative to the resistance at the highest load."""
     d = 1e-6
     ends = {"roll_off": n * d / 4, "cut_off": 8 * d}
     face = self_affine((n, n), (n * d, n * d), hurst=0.8, rms_slope=0.1, rng=1, **ends)
@@ -34,16 +34,16 @@ def resistances(scale, hardness, n=256):
 
 
 def rock_fractures(scales=(0.03, 0.05, 0.07, 0.1), hardnesses=(0.12, 0.18, 0.3)):
-    """The face with the least rms error of ln of all resistances: rise, and what is left of it."""
+    """Fit load and hardness to all resistances; return rise, remaining resistance and rms error."""
     theirs = np.log((np.array(MEASURED) - OFFSET) / (MEASURED[0][-1] - OFFSET))
-    found = {}
+    fits = {}
     for scale in scales:
         for hardness in hardnesses:
             ours = resistances(scale, hardness)
             if np.isfinite(ours).all():
-                found[np.sqrt(np.mean((ours - theirs) ** 2))] = ours
-    best = found[min(found)]
+                fits[np.sqrt(np.mean((ours - theirs) ** 2))] = ours
+    best = fits[min(fits)]
     pairs = {"ours": best, "measured": theirs}
     rise = {f"rise, {name}": np.exp(-up[0]) for name, (up, _) in pairs.items()}
     left = {f"left, {name}": np.exp(down[0] - up[0]) for name, (up, down) in pairs.items()}
-    return rise | left | {"rms error": np.exp(min(found))}
+    return rise | left | {"rms error": np.exp(min(fits))}

@@ -1,4 +1,4 @@
-"""The resistance of a saddle point diverges as (L_c − L)^−3.45: Dapp & Müser, EPL 109, 2015."""
+"""Compute how the resistance of a saddle point diverges as (L_c − L)^−3.45 (Dapp & Müser, EPL 109, 2015)."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from .faces import MODULUS
 
 
 class Saddle:
-    """A quarter of the wave 2 − cos − cos: crest and valley at opposite corners, saddles between.
+    """A quarter of the wave 2 − cos − cos, with crest and valley at opposite corners and saddle points between them.
 
-    Mirrored on all sides; the flow along x1 passes one saddle point, whose closing closes the
-    cell.
+    All sides are mirrored. The flow along x1 passes one saddle point; the cell closes when this saddle point
+    closes.
     """
 
     def __init__(self, n, wavelength=1e-4, amplitude=2e-6):
@@ -24,12 +24,12 @@ class Saddle:
         self.scale = np.pi * MODULUS * amplitude / wavelength
 
     def permeability(self, load):
-        """Permeability [m³] at a load over πE*A/λ."""
+        """Compute the permeability [m³] at a load, divided by πE*A/λ."""
         contact = solve_contact(self.gap0, self.body, pressure=load * self.scale, rtol=1e-9)
         return cell_permeability(contact.gap, self.spacing, rtol=1e-9).value
 
     def closing_load(self, low, high, rtol):
-        """Load L_c at which the gap stops percolating, by bisection between two loads."""
+        """Find the load L_c at which the gap stops percolating, by bisection between two loads."""
         while high / low - 1 > rtol:
             middle = (low + high) / 2
             low, high = (middle, high) if self.permeability(middle) > 0 else (low, middle)
@@ -37,11 +37,11 @@ class Saddle:
 
 
 def saddle_point(n=1024, nearest=1e-3, decades=2.0, points=13):
-    """Exponent of the conductance over two decades of distance (L_c − L)/L_c to closing.
+    """Compute the exponent of the conductance over two decades of the distance (L_c − L)/L_c to closing.
 
-    L_c is that of the grid, bracketed on one of 128². "all" is of the straight line through all
-    points, "nearest" through the last half of them, "corrected" with the first correction,
-    ln k = a + β ln ε + b ε.
+    The load L_c is that of the grid; it is bracketed on 128² points. "all" is the slope of a straight line
+    through all points, "nearest" through the half of the points that is nearest to closing, and "corrected" is
+    β in ln k = a + β ln ε + b ε with the distance ε.
     """
     coarse = Saddle(128).closing_load(0.2, 1.0, 1e-4)
     saddle = Saddle(n)

@@ -1,4 +1,4 @@
-"""Theories of contact where a limit is theirs: Persson, Greenwood & Williamson, others."""
+"""Compare contact areas with theories in their limiting cases: Persson, Greenwood & Williamson."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .faces import MODULUS, SLOPE, rough
 
 
 def small_loads(n=1024, loads=(0.005, 0.01, 0.02, 0.05), seeds=(1, 2)):
-    """Area fraction over p̄/E*h′, corrected for its edges, mean of faces, 16 pixels per wave."""
+    """Compute κ, the corrected contact fraction over p̄/E*h′, as a mean over surfaces with 16 pixels per shortest wave."""
     kappa = np.zeros((len(seeds), len(loads)))
     for s, seed in enumerate(seeds):
         gap0, body = rough(n, pixels_per_wave=16, waves=4, rng=seed)
@@ -22,12 +22,12 @@ def small_loads(n=1024, loads=(0.005, 0.01, 0.02, 0.05), seeds=(1, 2)):
 
 
 def greenwood_williamson(n=2048, across=8, spreads=(4e-3, 1e-3, 2.5e-4)):
-    """Contact area against that of Greenwood & Williamson, for summits with exponential heights.
+    """Compare the contact area of summits with exponential heights with the theory of Greenwood & Williamson.
 
-    The summits of one radius stand on a square lattice and keep their drawn heights, so that the
-    sums over summits, not their expectations, are compared, at the load at which half touch.
-    Spreads of the heights are over the period of the lattice. `interacting` is the theory's area
-    where summits also push each other down.
+    The summits have the same radius and stand on a square lattice. The theory is evaluated by sums over their
+    random heights, not by expectations, at the load at which half of the summits touch. The spread of the
+    heights is given in periods of the lattice. "interacting" is the area of the theory in which summits also
+    push each other down.
     """
     period = n // across * 1e-6
     radius = 4 * period
@@ -51,15 +51,15 @@ def greenwood_williamson(n=2048, across=8, spreads=(4e-3, 1e-3, 2.5e-4)):
 
 
 def hertz(depth, radius):
-    """Force of a sphere [N]."""
+    """Compute the force on a sphere [N] from its depth [m]."""
     return 4 / 3 * MODULUS * np.sqrt(radius) * depth**1.5
 
 
 def interacting_depth(height, radius, force, body):
-    """Depth (m, m) [m] of each Hertz contact of a lattice of summits under a total force [N].
+    """Compute the depth (m, m) [m] of each Hertz contact of a lattice of summits under a total force [N].
 
-    The force of a summit pushes the others down as a point force, itself by its periodic images,
-    which is −3.9002649 F/(πE*L) of a square of side L.
+    The force on a summit acts on all other summits as a point force. By its periodic images, it also acts on
+    the summit itself: the displacement is −3.9002649 F/(πE*L) on a square of side L.
     """
     step = body.shape[0] // height.shape[0]
     point = np.zeros(body.shape)
@@ -71,9 +71,11 @@ def interacting_depth(height, radius, force, body):
         free = height - np.fft.ifft2(np.fft.fft2(influence) * np.fft.fft2(forces)).real
 
         def carried(level, free=free):
+            """Compute the forces on the summits for a level of the flat."""
             return hertz(np.maximum(free - level, 0), radius)
 
         def missing(level, carried=carried):
+            """Compute the difference between the carried force and the given force."""
             return carried(level).sum() - force
 
         level = brentq(missing, free.min() - 10 * np.ptp(height), free.max())

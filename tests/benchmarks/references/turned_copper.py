@@ -1,8 +1,8 @@
-"""At what load radial leakage of turned copper ends: Matsuzaki and co-workers found about 50 MPa.
+"""Find the load at which the radial leakage of turned copper ends; Matsuzaki and co-workers found about 50 MPa.
 
-Their faces are known only roughly, so that pitch, depth and hardness go over ranges, with fine
-roughness on the ridges. The load is that at which no open path is left across the grooves, by
-bisection; the grooves themselves are still open.
+The real surfaces are known only roughly. Pitch, depth and hardness are therefore varied, with fine roughness on
+the ridges. The load is found by bisection: above it, no open path leads across the grooves. The grooves
+themselves are still open.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ NAMES = ("copper, soft", "copper, half hard")
 
 
 def closing_load(pitch, depth, solid):
-    """Nominal pressure [Pa] from which a turned face has no open path across its grooves."""
+    """Find the nominal pressure [Pa] from which on a turned surface has no open path across its grooves."""
     rough = {"roughness": 0.05 * depth, "roughness_roll_off": 24 * D, "cut_off": 8 * D, "rng": 1}
     feed = {"pitch": pitch, "depth": depth, "feed_error": 0.03, "depth_error": 0.1}
     face = turned(POINTS, tuple(n * D for n in POINTS), **feed, **rough)
@@ -35,11 +35,11 @@ def closing_load(pitch, depth, solid):
 
 
 def turned_copper(pitches=(48e-6, 96e-6, 192e-6), depths=(1e-6, 3e-6, 10e-6)):
-    """Range of the closing loads [Pa] over pitches and depths, by hardness."""
-    found = {}
+    """Compute the range of the closing loads [Pa] over pitches and depths, by metal."""
+    ranges = {}
     for name in NAMES:
         # as if the metal did not harden under an indenter
         solid = replace(named_solid(name), hardness=None, hardness_over_yield=HARDNESS_FACTOR)
         loads = [closing_load(pitch, depth, solid) for pitch in pitches for depth in depths]
-        found[name] = min(loads), max(loads)
-    return found
+        ranges[name] = min(loads), max(loads)
+    return ranges
