@@ -19,12 +19,12 @@ from .processes import ENVIRONMENT, starting_processes
 log = logging.getLogger("femseal.execution.cluster")
 #: Time limit for a cluster to answer, and to accept a client [s].
 ANSWER_SECONDS = 5
-#: Time limit for a cluster without workers, at the start or after the last one has left [s].
+#: Time limit for a cluster without workers, at the start or after the last worker has left [s].
 WORKER_SECONDS = 600
 #: Unfinished tasks for each thread of the cluster: one is computed while the next one waits.
 UNDER_WAY = 2
-#: Largest number of tasks that were sent but whose results have not been yielded yet, in multiples of the number of
-#: tasks that should be unfinished. They include finished tasks that wait for an earlier one.
+#: Largest number of tasks whose results have not been yielded yet, divided by the desired number of unfinished tasks.
+#: Finished tasks that wait for an earlier task count as well.
 MOST_SENT = 8
 #: Number of times that a task is sent again after the cluster has lost its data.
 RETRIES = 10
@@ -37,7 +37,8 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
     Parameters
     ----------
     scheduler : str
-        Address of a Dask scheduler. "local" starts a cluster on this machine, which ends with the context.
+        Address of a Dask scheduler. "local" starts a cluster on this machine, which is stopped at the end of the `with`
+        block.
     count : int
         Number of processes of a local cluster.
 
@@ -69,17 +70,17 @@ def over_cluster(scheduler: str, count: int) -> Iterator[Mapper]:
                 silence_logs=logging.ERROR,
             )
             stack.enter_context(cluster)
-            # Results that do not pass through the scheduler take half the time. The client is not the default one,
-            # because other libraries would send their own work to a default client.
+            # Results that do not pass through the scheduler take half the time. The client must not become the default
+            # client, because other libraries would send their own work to a default client.
             client = Client(cluster, direct_to_workers=True, set_as_default=False)
             stack.enter_context(client)
         yield partial(_map, client)
 
 
 def _connect(scheduler: str) -> Any:
-    """Connect to a cluster, wait for its first worker, and return a client.
+    """Connect to a cluster, wait until the cluster has a worker, and return a client.
 
-    All workers must have the same versions of packages as this process.
+    An InputError is raised if a worker and this process have different versions of a package.
     """
     from distributed import Client
 
@@ -106,7 +107,7 @@ def _connect(scheduler: str) -> Any:
 def _check_answer(scheduler: str) -> None:
     """Raise an error if no Dask scheduler answers at an address.
 
-    Without this check, a client would wait for ever if a service of another kind were at the address.
+    If another kind of service were at the address, a client would wait forever for an answer.
     """
     from distributed import Security
     from distributed.comm import connect
@@ -141,8 +142,9 @@ def _check_versions(scheduler: str, worker: str, versions: dict[str, str]) -> No
 def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     """Yield the results of a stage in the order of its items.
 
-    The stage is sent to the workers once. A few items for each thread are sent in advance. While a slow item is
-    computed, the items after it are computed as well, and their results wait until it is finished.
+    The function of the stage is sent to each worker once. For each thread, a few items are sent before the thread needs
+    them. While a slow item is being computed, later items are computed as well. The results of later items are yielded
+    after the result of the slow item.
     """
     items = zip(*iterables, strict=False)
     remote_stage = _RemoteStage(client, stage)
@@ -163,14 +165,14 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
 
 
 class _Sent(NamedTuple):
-    """Hold an item and the task that computes it."""
+    """Hold an item and the Dask task that computes the item."""
 
     item: tuple[Any, ...]
     task: Any
 
 
 class _RemoteStage:
-    """Send a stage to all workers of a cluster, and compute its items there."""
+    """Send a stage to all workers of a cluster, and compute the items of the stage on the workers."""
 
     def __init__(self, client: Any, stage: Stage) -> None:
         self._client = client
@@ -183,7 +185,7 @@ class _RemoteStage:
         return _submit(self._client, self._data, item)
 
     def result(self, sent: _Sent) -> Any:
-        """Return the result of a task. The item is sent again if its workers have died."""
+        """Return the result of a task. If the workers of the task have died, its item is sent again."""
         task = sent.task
         for _ in range(RETRIES):
             try:
@@ -194,14 +196,14 @@ class _RemoteStage:
                     self._data = _send_stage(self._client, self._stage)
                 task = self.submit(sent.item)
         raise FemsealError(
-            f"scheduler: the workers of a task died {RETRIES} times, perhaps because memory ran out"
+            f"scheduler: a task failed because its workers died {RETRIES} times, perhaps for lack of memory"
         )
 
 
 def _number_to_send(client: Any, sent: deque[_Sent]) -> int:
-    """Return the number of further tasks that should be sent.
+    """Return how many items should be sent now, to keep all threads of the cluster busy.
 
-    sent : items and tasks that were sent but whose results have not been yielded yet.
+    sent : items and tasks that were sent earlier and whose results have not been yielded yet.
     """
     wanted = UNDER_WAY * max(1, _threads(client))  # number of unfinished tasks
     unfinished = sum(not task.done() for _, task in sent)
@@ -223,7 +225,7 @@ def _submit(client: Any, remote_stage: Any, item: tuple[Any, ...]) -> Any:
 
 
 def _wait_for_result(client: Any, task: Any) -> Any:
-    """Return the result of a task; if the cluster has no workers, wait for one."""
+    """Return the result of a task; if the cluster has no workers, wait for a worker."""
     from distributed import KilledWorker
 
     while True:
@@ -267,8 +269,8 @@ def _call(stage: Stage, item: tuple[Any, ...]) -> Any:
 def _thread_limits(modules: int) -> Any:
     """Return an object that limits the threads of the loaded libraries.
 
-    modules : number of loaded modules. If it has changed, the cached object is not used and the libraries are searched
-    again.
+    modules : number of modules that Python has loaded. The object is cached. If the number of modules has changed since
+    the last call, a new object is created, because a new module may have loaded another library.
     """
     from threadpoolctl import ThreadpoolController
 

@@ -30,11 +30,11 @@ FREE_FRACTION = 0.7
 END_SECONDS = 10.0
 #: Interval at which a process checks whether its parent is alive [s].
 WATCH_SECONDS = 0.5
-#: Name of the thread that checks this.
+#: Name of the thread that checks whether the parent is alive.
 WATCHER = "watches the parent"
-#: Environment variables of the processes. With the first two, the GNU C library keeps freed memory up to this size
-#: [byte], because requesting new memory for each result would take as long as sending the result. With the third one,
-#: packages are not searched in the working folder, as for the femseal command itself.
+#: Environment variables of the processes. With the first two variables, the GNU C library retains freed memory up to
+#: the given size [byte], because requesting new memory for each result would take as long as sending the result. With
+#: the third variable, packages are not searched in the working folder, as for the femseal command itself.
 ENVIRONMENT = {
     "MALLOC_TRIM_THRESHOLD_": str(2**25),
     "MALLOC_MMAP_THRESHOLD_": str(2**25),
@@ -48,8 +48,9 @@ _has_processes = threading.Event()
 def over_processes(count: int) -> Iterator[Mapper]:
     """Yield a mapper over `count` processes.
 
-    Arrays that `shared_empty` creates within the context are shared with the processes. The processes stay alive for
-    later contexts, and end with this process. If the context ends with an error, they are ended at once.
+    Arrays that `shared_empty` creates inside the `with` block are shared with the worker processes. The worker
+    processes remain available for later `with` blocks, and end with this process. If an error is raised inside the
+    `with` block, the worker processes are killed at once.
     """
     # joblib replaces a process whose memory has grown by 300 MB, for example by compiling, and warns needlessly
     warnings.filterwarnings("ignore", "A worker stopped while some jobs", UserWarning)
@@ -64,10 +65,11 @@ def over_processes(count: int) -> Iterator[Mapper]:
 def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     """Yield the results of a stage in the order of its items.
 
-    Each process reads the stage once from a file. joblib sends the items in batches.
+    Each worker process reads the function of the stage from a file at its first item. The items are sent by joblib, in
+    batches.
 
     count : number of processes.
-    folder : temporary folder for the file.
+    folder : temporary folder for the file with the stage.
     """
     import joblib
 
@@ -114,10 +116,11 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
 
 @contextmanager
 def starting_processes() -> Iterator[None]:
-    """Make processes that start in this context use `ENVIRONMENT` and ignore SIGINT and SIGTERM.
+    """Start processes inside the `with` block with the variables `ENVIRONMENT`, and with SIGINT and SIGTERM blocked.
 
-    Both signals are blocked within the context, and new processes inherit this. If this process receives a signal
-    meanwhile, it handles the signal at the end of the context, and ends the other processes.
+    SIGINT and SIGTERM are blocked inside the `with` block, and a new process inherits the blocked signals. A signal
+    that this process receives inside the block is handled at the end of the block; this process then ends the worker
+    processes.
     """
     from multiprocessing import resource_tracker
 
@@ -141,12 +144,12 @@ def starting_processes() -> Iterator[None]:
 
 
 def end_processes(kill: bool = False) -> None:
-    """End the processes. Processes that do not end within `END_SECONDS` are killed.
+    """End the worker processes; worker processes that do not end within `END_SECONDS` are killed.
 
-    joblib itself would wait for them without a time limit, even when this process ends. A process that hangs would keep
-    this process alive for ever.
+    Without this function, joblib would wait for all worker processes without a time limit when this process ends. A
+    hanging worker process would therefore prevent this process from ending.
 
-    kill : whether to kill all processes at once.
+    kill : whether to kill all worker processes at once.
     """
     from joblib.externals.loky import get_reusable_executor
 
@@ -172,7 +175,7 @@ def end_processes(kill: bool = False) -> None:
 
 
 def _worker_processes() -> list[psutil.Process]:
-    """List the processes that joblib has started for this one."""
+    """List the worker processes that joblib has started for this process."""
     workers = []
     for child in psutil.Process().children():
         with suppress(psutil.Error):
@@ -187,9 +190,9 @@ def _call_stored(parent: int, path: str, threads: int, *item: Any) -> Any:
     Parameters
     ----------
     parent : int
-        Identifier of the process that has started this one.
+        Identifier of the process that has started this process.
     path : str
-        File that contains the stage.
+        File that contains the function of the stage.
     threads : int
         Number of threads that may share the work on an array.
     *item
@@ -197,7 +200,7 @@ def _call_stored(parent: int, path: str, threads: int, *item: Any) -> Any:
     """
     _folders.add(str(Path(path).parent))
     _end_with(parent)
-    # imported here, because the process that starts others does not need numba
+    # imported here, because only the worker processes need numba
     from ..base.compiled import using_threads
 
     with using_threads(threads):
@@ -216,10 +219,10 @@ _folders: set[str] = set()
 
 @cache
 def _end_with(parent: int) -> None:
-    """Make this process end soon after its parent, even if the parent is killed, and remove the folders of the parent.
+    """Watch the parent process in a thread; when the parent has ended, remove its folders and end this process.
 
-    The process also ends `END_SECONDS` after its main thread has ended, even if other threads are still running,
-    because joblib would wait for it without a time limit.
+    The process also ends `END_SECONDS` after its main thread has ended, even if other threads are still running.
+    Without this time limit, joblib would wait for the process forever.
     """
 
     def watch() -> None:

@@ -1,10 +1,10 @@
 """Lock the output folder of a run, and resume runs that were stopped.
 
-A run that was stopped leaves the store with its results in the output folder, and a manifest of everything on which
-these results depend. From these files the run can be resumed. While a run is under way, it holds a lock on a file in
-its folder. The operating system releases the lock when the process ends, for whatever reason. On file systems without
-locks, such as some network file systems, the existence of an additional file takes the place of the lock. The file
-names the process.
+A stopped run leaves two things in its output folder: the store with its results, and a manifest of everything on which
+the results depend. The run can be resumed from the store and the manifest. A run in progress holds a lock on a file in
+its output folder. The operating system releases the lock when the process ends, for whatever reason. Some network file
+systems do not support locks. On such file systems, an additional file marks the folder as locked; the file contains the
+name of the process.
 """
 
 import errno
@@ -31,17 +31,18 @@ from ..store.store import SUFFIX
 
 #: Subfolder of the output folder that contains the store of its run.
 FOLDER = ".checkpoint"
-#: File in this folder with everything on which the results depend.
+#: File in the folder of the store, with everything on which the results depend.
 MANIFEST = "manifest.json"
 #: Largest size of a manifest [byte].
 _LARGEST_MANIFEST = 1e8
 #: Largest number of changed keys that a message lists.
 _MOST_CHANGES = 20
-#: File in the output folder that a run locks. Its text says which process holds the lock.
+#: File in the output folder that a run locks. The text in the file says which process holds the lock.
 LOCK = ".lock"
 #: Suffix of the name of the file that replaces the lock on file systems without locks.
 MARK = "-mark"
-#: Time for which a lock is tried, in case another run is just removing its file, and interval between trials [s].
+#: Time for which the run tries to acquire the lock, in case another run is just removing the locked file, and interval
+#: between two attempts [s].
 _PATIENCE, _POLL = 0.2, 0.02
 #: Errors of file systems without locks.
 _NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
@@ -49,7 +50,7 @@ _NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Lock an existing folder, so that no other run writes into it within the context.
+    """Lock an existing folder, so that no other run writes into the folder inside the `with` block.
 
     Raises
     ------
@@ -63,7 +64,7 @@ def alone_in(folder: Path) -> Iterator[None]:
         lock = _acquire_lock(path)
     except Timeout:
         given = f"'{folder}', where {_holder(path)} is under way"
-        expected = "another folder, or this one when that run has ended"
+        expected = "another folder, or the same folder after the end of the other run"
         raise InputError("output", given, expected) from None
     except OSError as error:
         expected = f"a folder that can be written ({error.strerror})"
@@ -80,7 +81,9 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 
 def _acquire_lock(path: Path) -> Any:
-    """Acquire a lock on a file and return it. On a file system without locks, the file with the suffix `MARK` is used.
+    """Acquire a lock on a file and return the lock.
+
+    On a file system without locks, an additional file with the suffix `MARK` is created instead.
 
     Raises filelock.Timeout if another run holds the lock.
     """
@@ -127,8 +130,8 @@ def writing_in(folder: Path, identity: dict[str, Any], resume: bool) -> Iterator
     Raises
     ------
     InputError
-        Another run is under way in the folder. This error is also raised if the folder contains an unfinished run, but
-        `resume` is false or the unfinished run has another identity.
+        Another run is under way in the folder. An InputError is also raised if the folder contains an unfinished run,
+        unless `resume` is True and the identity of the unfinished run is the same.
     """
     with alone_in(folder):
         if not resume:
@@ -149,7 +152,8 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
     Raises
     ------
     InputError
-        The manifest cannot be read, or it has another identity. The message lists the keys that have changed.
+        The manifest cannot be read, or its identity differs from `identity`. The message lists the keys whose values
+        differ.
     """
     path = store_folder(output) / MANIFEST
     try:
@@ -190,7 +194,7 @@ def refuse_unfinished(output: Path, name: str = FOLDER) -> None:
 
 
 def remove_run(output: Path) -> None:
-    """Remove the store from the output folder, if there is one.
+    """Remove the store of an unfinished run from the output folder, if the folder contains a store.
 
     Raises
     ------
@@ -199,7 +203,8 @@ def remove_run(output: Path) -> None:
     """
     folder = store_folder(output)
     try:
-        # the manifest is removed first: without it the run is never resumed, even if other files cannot be removed
+        # the manifest is removed first: without a manifest, the run is never resumed, even if other files cannot be
+        # removed
         (folder / MANIFEST).unlink(missing_ok=True)
         if folder.exists():
             shutil.rmtree(folder)
@@ -208,12 +213,12 @@ def remove_run(output: Path) -> None:
 
 
 def store_folder(output: Path, name: str = FOLDER) -> Path:
-    """Return the folder of the store, which need not exist.
+    """Return the path of the folder of the store, whether or not the folder exists.
 
     Raises
     ------
     InputError
-        The path is a file or a link. A link could lead to any other folder.
+        The path is a file or a symbolic link. Links are not accepted, because a link could lead to any other folder.
     """
     folder = output / name
     if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
@@ -222,7 +227,7 @@ def store_folder(output: Path, name: str = FOLDER) -> Path:
 
 
 def begin_run(output: Path, identity: dict[str, Any]) -> None:
-    """Write the manifest of a run, with everything on which its results depend.
+    """Write the manifest of a run, which contains everything on which the results of the run depend.
 
     Raises
     ------
@@ -239,7 +244,10 @@ def begin_run(output: Path, identity: dict[str, Any]) -> None:
 
 
 def _flatten(value: Any, key: str = "") -> dict[str, Any]:
-    """Turn nested tables into one table with dotted keys. Lists are only divided if they contain tables."""
+    """Convert nested tables to a single table with dotted keys.
+
+    The elements of a list get separate keys only if the list contains tables.
+    """
     if isinstance(value, list) and any(isinstance(item, dict) for item in value):
         value = dict(enumerate(value))
     if not isinstance(value, dict):

@@ -1,8 +1,8 @@
 """Compute the stages of a run, and report its progress, its wall times and its log lines.
 
-Stages are computed in this process, in several processes on this machine, or on a Dask cluster. In each process BLAS
-has a single thread, like Fourier transforms and compiled loops. Therefore the processes do not compete for cores, and
-the results do not depend on where they were computed.
+Stages are computed in this process, in several processes on this machine, or on a Dask cluster. In each process, BLAS,
+Fourier transforms and compiled loops use a single thread. With single threads, the processes do not compete for cores,
+and the results do not depend on the process in which they were computed.
 """
 
 import logging
@@ -16,31 +16,31 @@ from typing import Any
 from ..base.stage import Mapper, Stage
 
 log = logging.getLogger("femseal")
-#: Function that is called as progress(stage, done, total); total is None if it is unknown.
+#: Function that is called as progress(stage, done, total); the argument `total` is None if the total is unknown.
 Progress = Callable[[str, int, int | None], None]
-#: Interval between two log lines on a running stage [s].
+#: Time between two log lines about a running stage [s].
 LOG_SECONDS = 60.0
 #: Name of the stage in which loops are compiled.
 COMPILING = "compiling for one to two minutes, once after an installation"
-#: Listener that reports compilation; the list is empty if there is none.
+#: Listener that reports compilation; the list is empty if compilation is not reported.
 _active_listeners: list[Any] = []
 
 
 def no_progress(stage: str, done: int, total: int | None) -> None:
-    """Ignore the progress of a stage."""
+    """Do nothing: a `Progress` function for runs whose progress is not shown."""
 
 
 @contextmanager
 def reporting_compilation(progress: Progress) -> Iterator[None]:
-    """Report the compilation of loops within this context, which takes a minute after an installation.
+    """Report the compilation of loops inside the `with` block; the first compilation takes about a minute.
 
-    A context inside another context of this kind does nothing, because the outer one reports already.
+    A `with` block inside another block of the same kind does nothing, because the outer block already reports.
 
     Parameters
     ----------
     progress : callable
-        Called when the first loop is compiled, when each loop is done, and at the end. The total number of loops is not
-        known before the end.
+        Function that is called when the first compilation begins, whenever a loop has been compiled, and at the end.
+        The total number of compiled loops is only known at the end.
     """
     from numba.core import event
 
@@ -80,11 +80,11 @@ class Run:
     Parameters
     ----------
     mapper : callable
-        Computes the items of a stage.
+        Function such as the builtin `map`, which computes a stage for many items.
     progress : callable
-        Called with the progress of the stages, see `Progress`.
+        Function that is called with the progress of the stages, see `Progress`.
     timings : dict
-        Wall times [s] of the parts of the run, see `timed`, and of every stage in them, by name.
+        Wall times [s] by name: of the parts of the run, see `timed`, and of every stage in these parts.
     """
 
     mapper: Mapper = map
@@ -93,9 +93,9 @@ class Run:
 
     @contextmanager
     def timed(self, name: str) -> Iterator[Mapper]:
-        """Yield the mapper for a part of the run, such as a study, and measure its wall time.
+        """Yield the mapper for a part of the run, such as a study, and measure the wall time of this part.
 
-        The times of several parts with the same name are added.
+        If several parts of the run have the same name, their wall times are added.
         """
         start = time.perf_counter()
         self.progress(name, 0, 1)
@@ -106,16 +106,17 @@ class Run:
         log.info("%s: %.1f s", name, seconds)
 
     def decided(self, name: str, identity: Any, value: Any) -> Any:
-        """Store a decision, or return the stored one. A resumed run therefore repeats the decisions of the stopped run.
+        """Store a value that the run has chosen. A resumed run gets the value that the stopped run had chosen.
 
         Parameters
         ----------
         name : str
-            Name of the decision.
+            Name of the chosen value.
         identity : object
-            Plain data that distinguish this decision from others with the same name.
+            Plain data that distinguish this value from other values with the same name.
         value : object
-            Value of the decision, which is returned unless another value has been stored before.
+            The chosen value. If the store already contains a value with this name and identity, the stored value is
+            returned instead.
         """
         stage = Stage(name, partial(_return_value, value), key=("decided", name))
         (result,) = self.mapper(stage, [identity])
@@ -126,9 +127,9 @@ class Run:
         self.timings[name] = self.timings.get(name, 0.0) + seconds
 
     def _reporting_mapper(self, part: str) -> Mapper:
-        """Return a mapper that reports the progress of each stage and records its wall time.
+        """Return a mapper that reports the progress of each stage and records the wall time of the stage.
 
-        part : name of the part of the run.
+        part : name of the part of the run to which the stages belong, such as "two-scale".
         """
 
         def map_and_report(stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
@@ -154,29 +155,29 @@ class Run:
 
 
 def _log_rate(name: str, done: int, total: int | None, seconds: float) -> None:
-    """Log how many items of a stage are done after some time [s], and how long the remaining ones will take."""
+    """Log how many items of a stage were computed in `seconds` [s], and how long the remaining items will take."""
     rate = done / seconds
     remaining = "" if total is None else f", {(total - done) / rate:.0f} s left"
     log.info("%s %d of %s, %.3g/s%s", name, done, total or "?", rate, remaining)
 
 
 def _return_value(value: Any, identity: Any) -> Any:
-    """Return the value of a decision. `identity` only serves as the key of the decision in the store."""
+    """Return the chosen value. The store uses `identity` as a part of the key under which the value is stored."""
     return value
 
 
 class LogFile(logging.FileHandler):
-    """Write log lines to a file. If the disk is full, lines are lost, but the run continues."""
+    """Write log lines to a file. If the disk is full, log lines are lost, but the run continues."""
 
     def close(self) -> None:
-        """Close the file, even if its last lines cannot be written."""
+        """Close the log file, even if the last lines cannot be written."""
         with suppress(OSError):
             super().close()
 
 
 @contextmanager
 def logging_to(*handlers: logging.Handler) -> Iterator[None]:
-    """Send log lines to handlers within this context, and close the handlers at its end."""
+    """Send log lines to handlers inside the `with` block, and close the handlers at the end of the block."""
     level = log.level
     log.setLevel(logging.INFO)
     for handler in handlers:
@@ -197,26 +198,27 @@ def ordered_map(
     scheduler: str | None = None,
     before: Callable[[Mapper], None] | None = None,
 ) -> Iterator[Mapper]:
-    """Yield a mapper that returns results in the order of the items.
+    """Yield a mapper for a `with` block. The mapper computes stages and returns results in the order of the items.
 
     Parameters
     ----------
     workers : int, optional
-        Number of processes on this machine. Default: one for each core.
+        Number of processes on this machine; by default, one process for each core.
     scheduler : str, optional
-        Address of a Dask scheduler whose workers compute the items instead. A worker must be available within
-        `cluster.WORKER_SECONDS`. "local" starts a scheduler and `workers` processes on this machine.
+        Address of a Dask scheduler, whose workers compute the items. If the scheduler has no worker, the mapper waits
+        for a worker, for at most `cluster.WORKER_SECONDS`. "local" starts a scheduler and `workers` processes on this
+        machine.
     before : callable, optional
-        Function that is called with the mapper before the mapper is used, such as `compile_ahead`. It is called only if
-        the mapper uses several processes of this machine.
+        Function such as `compile_ahead`, which is called with the mapper before the mapper is yielded. The function is
+        called only for several processes on this machine.
 
     Raises
     ------
     InputError
-        There is no scheduler with workers at the address, its workers have other versions, or femseal[cluster] is not
-        installed.
+        The scheduler does not answer or has no workers, the workers have other versions of packages than this process,
+        or femseal[cluster] is not installed.
     FemsealError
-        Workers died repeatedly. This error is raised while the results of a stage are being yielded.
+        Workers died repeatedly while a stage was being computed.
     """
     import joblib
     from threadpoolctl import threadpool_limits

@@ -1,4 +1,4 @@
-"""Show the progress of a command: bars on a terminal, log lines elsewhere and in a file."""
+"""Show the progress of a command as bars on a terminal, and as log lines in pipes and files."""
 
 import logging
 import os
@@ -22,9 +22,8 @@ def flag(name: str, help: str) -> Any:
 def option(help: str, default: str, *names: str) -> Any:
     """Declare an option of a command.
 
-    help : help text.
-    default : description of the default value, for the help text.
-    names : names of the option on the command line. Default: the name of the argument.
+    help : help text. default : description of the default value, for the help text. names : names of the option on the
+    command line; by default, the name of the argument.
     """
     return typer.Option(*names, help=help, show_default=default)
 
@@ -58,7 +57,7 @@ PartOption = Annotated[str | None, typer.Option(hidden=True, callback=_refuse_pa
 
 
 def print_table(table: Any) -> None:
-    """Print a table with rich. It is as wide as the terminal; in files and pipes, long lines are not wrapped."""
+    """Print a table with rich, as wide as the terminal. In files and pipes, the table is up to 160 characters wide."""
     from rich.console import Console
 
     Console(width=None if sys.stdout.isatty() else 160).print(table)
@@ -73,9 +72,10 @@ def print_text(text: str) -> None:
 
 @contextmanager
 def show_progress(quiet: bool, log_file: Path | None = None) -> Iterator[Progress]:
-    """Show progress as bars on a terminal and as log lines elsewhere, or nothing if `quiet`.
+    """Show the progress of a command as bars on a terminal, or as log lines in files and pipes.
 
-    log_file : file to which log lines are appended in addition.
+    quiet : if True, no progress is shown.
+    log_file : file to which log lines are appended, whether or not progress is shown.
     """
     is_terminal = sys.stderr.isatty()
     handlers: list[logging.Handler] = []
@@ -97,7 +97,7 @@ def _open_log_file(path: Path) -> logging.Handler:
 
 
 def _echo_handler(is_terminal: bool) -> logging.Handler:
-    """Return a handler that prints log lines. On a terminal it only prints warnings."""
+    """Return a handler that prints log lines; on a terminal, only warnings are printed."""
     handler = _Echo(logging.WARNING if is_terminal else logging.INFO)
 
     def is_shown(record: logging.LogRecord) -> bool:
@@ -111,7 +111,7 @@ def _echo_handler(is_terminal: bool) -> logging.Handler:
 
 
 class _Echo(logging.Handler):
-    """Print log lines on standard error, above the bars if there are any."""
+    """Print log lines on standard error, above the progress bars of a terminal."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print a record."""

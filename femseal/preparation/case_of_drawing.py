@@ -1,9 +1,9 @@
 """Write a case from the values of a drawing: roughness, machining marks, diameters, material, force and fluid.
 
-The heights of the generated surface are scaled so that it has the Ra or Rz of the drawing. The surface is as wide as
-the seal, so that the cells of the seal stay in the order that they have on the surface. The length of the surface is at
-least 24 times the spacing of the machining marks. docs/evidence/drawing.md shows that the leakage of larger surfaces
-differs little.
+The heights of the generated surface are scaled, so that the surface has the Ra or Rz of the drawing. The surface is as
+wide as the seal. With equal widths, the cells of the seal have the same order as on the surface. The length of the
+surface is at least 24 times the spacing of the machining marks. docs/evidence/drawing.md shows that the leakage of
+longer surfaces differs little.
 """
 
 from __future__ import annotations
@@ -27,10 +27,11 @@ from .surface import condition_surface
 
 #: Ratio Rz/Ra from which the heights of the surface are estimated before they are scaled.
 _RZ_OVER_RA = 5.0
-#: Largest width of a generated surface, in spacings of the machining marks. Up to this width, the surface is as wide as
-#: the seal. For a wider seal, a surface of half of this width is generated.
+#: Largest width of a generated surface, as a multiple of the spacing of the machining marks. Up to this width, the
+#: surface is as wide as the seal. For a wider seal, a surface with half the largest width is generated.
 MOST_ACROSS = 32
-#: Smallest length of the surface in spacings of the marks. The surface is also at least as long as it is wide.
+#: Smallest length of the surface, as a multiple of the spacing of the marks. The surface is also at least as long as
+#: its width.
 LEAST_ALONG = 24
 #: Total number of points of the surface for the first result.
 _FIRST_POINTS = 2e5
@@ -44,14 +45,15 @@ _USUAL_PRESSURE = 0.3
 
 
 class Question(NamedTuple):
-    """A question about a drawing or specification, and the value that is assumed if the user does not answer.
+    """Hold a question about a drawing, and the value that is assumed if the user does not answer the question.
 
     Attributes
     ----------
     text : str
         The question.
     assumed : str
-        The assumed value. It is "" if the user must answer, or if the value follows from other answers.
+        The assumed value as text. The text is "" if the user must answer the question, and also if the missing value is
+        derived from other answers.
     """
 
     text: str
@@ -97,18 +99,18 @@ class Plating:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Values from a drawing and a specification, with lengths in m, pressures in Pa and forces in N.
+    """Hold the values from a drawing and a specification, with lengths in m, pressures in Pa and forces in N.
 
     Attributes
     ----------
     ra, rz : float or None
-        Roughness Ra or Rz [m]; one of them is given.
+        Roughness Ra or Rz [m]. Exactly one of the two values is given.
     process, lay : str
-        One of `_PROCESSES`, and one of `_LAYS`.
+        Process that made the surface, one of `_PROCESSES`; direction of the machining marks, one of `_LAYS`.
     pitch : float
         Feed per revolution, or mean spacing of the machining marks [m].
     inner_diameter, outer_diameter : float
-        Diameters of the contact area [m].
+        Inner and outer diameter of the contact area [m].
     metal : str
         Metal of the softer face, a name of `METALS`.
     hardness, force : float
@@ -116,11 +118,11 @@ class Drawing:
     plating : Plating or None
         Plating of the softer face, if it has one.
     fluid, inlet, outlet : str
-        Fluid and its absolute pressures, as text for the case file.
+        Name of the fluid, and absolute pressures at inlet and outlet, as texts for the case file.
     limit : str
-        Leakage class or largest leakage, "" for none.
+        Leakage class or largest allowed leakage; "" if the leakage is not limited.
     assumed : frozenset of str
-        Names of the values that were not given, but assumed.
+        Names of the values that the user has not given and that were therefore assumed.
     """
 
     ra: float | None
@@ -142,12 +144,12 @@ class Drawing:
 
     @property
     def surface_hardness(self) -> float:
-        """Hardness of the softer face at its surface [Pa], which is that of the plating if there is one."""
+        """Hardness at the surface of the softer face [Pa], which is the hardness of the plating if there is a plating."""
         return self.hardness if self.plating is None else self.plating.hardness
 
     @property
     def breadth(self) -> float:
-        """Breadth of the contact area along the radius [m]."""
+        """Width of the contact area along the radius [m]."""
         return (self.outer_diameter - self.inner_diameter) / 2
 
     @property
@@ -162,10 +164,10 @@ def read_drawing(given: Mapping[str, str | None], ask: Callable[[str, str], str]
     Parameters
     ----------
     given : mapping
-        Values as texts, by the names of `QUESTIONS`. A value that is not given is None.
+        Text of each value; the keys are the keys of `QUESTIONS`. A missing value is None.
     ask : callable or None
-        Function that is called as `ask(question, assumption)` and returns the answer of the user. If it is None, no
-        question is asked.
+        Function that asks the user; `ask(question, assumption)` returns the answer. If `ask` is None, the user is not
+        asked.
 
     Raises
     ------
@@ -193,7 +195,7 @@ def read_drawing(given: Mapping[str, str | None], ask: Callable[[str, str], str]
 def _needs_answer(name: str, texts: dict[str, str]) -> bool:
     """Return whether the user should be asked for a value.
 
-    texts : values that have already been given.
+    texts : texts of the values that the user has already given.
     """
     if name in texts:
         return False
@@ -209,7 +211,8 @@ def _needs_answer(name: str, texts: dict[str, str]) -> bool:
 def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing:
     """Convert the values of a drawing from texts to SI units, and check them.
 
-    texts : values by the names of `QUESTIONS`. assumed : names of the values that are assumed.
+    texts : text of each value; the keys are the keys of `QUESTIONS`.
+    assumed : names of the values that are assumed.
     """
     process = _one_of("--process", texts["process"], _PROCESSES)
     lay = _one_of("--lay", texts["lay"], _LAYS)
@@ -271,7 +274,7 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
 
 
 def _one_of(name: str, text: str, choices: tuple[str, ...]) -> str:
-    """Return a choice in lower case; raise InputError if it is not one of the choices."""
+    """Return a text in lower case; raise InputError unless the text is one of the allowed choices."""
     if text.lower() not in choices:
         raise InputError(name, shown(text), f"one of {', '.join(choices)}")
     return text.lower()
@@ -309,7 +312,7 @@ def _option(name: str) -> str:
 
 
 def _positive(name: str, text: str, unit: str) -> float:
-    """Convert a text to a value in SI. Raise InputError unless the value is > 0."""
+    """Convert a text with a unit to a value in SI units; raise InputError unless the value is > 0."""
     option = _option(name)
     value = to_si(text, unit, option)
     if not value > 0:
@@ -320,7 +323,9 @@ def _positive(name: str, text: str, unit: str) -> float:
 def _hardness(name: str, texts: dict[str, str], metal: str) -> float:
     """Return a hardness [Pa], or the typical hardness of a metal if the user gave none.
 
-    The text of the user is a pressure, or a Vickers hardness such as "45 HV". name : name of the hardness in `texts`.
+    The text of the user is a pressure with a unit, or a Vickers hardness such as "45 HV".
+
+    name : key of the hardness in `texts`.
     """
     if name not in texts:
         solid = named_solid(metal)
@@ -340,16 +345,17 @@ def _hardness(name: str, texts: dict[str, str], metal: str) -> float:
 
 
 class _SurfaceSize(NamedTuple):
-    """Size of a generated surface.
+    """Hold the size of a generated surface and its numbers of points.
 
     Attributes
     ----------
     points, better_points : (int, int)
-        Numbers of points along x1 and x2: for a quick first result, and for a more accurate one.
+        Numbers of points along x1 and x2: `points` for a quick first result, `better_points` for a more accurate
+        result.
     size : (float, float)
         Lengths along x1 and x2 [m].
     breadth : float or None
-        Width of the seal [m] if the seal is wider than the surface. Otherwise None.
+        Width of the seal [m]; None if the surface is as wide as the seal.
     """
 
     points: tuple[int, int]
@@ -385,18 +391,18 @@ def _surface_size(drawing: Drawing) -> _SurfaceSize:
 
 
 def _fast_length(points: float) -> int:
-    """Return an even number of points for which Fourier transforms are fast. It is about `points`, or a little more."""
+    """Return an even number, about equal to `points` or a little larger, for which Fourier transforms are fast."""
     return 2 * int(scipy.fft.next_fast_len(round(points / 2), real=True))
 
 
 def _face_keys(drawing: Drawing, scale: float) -> dict[str, Any]:
     """Return the keys of [face] that describe the heights of the surface.
 
-    The ratios between these keys are typical of the process. The heights themselves are first estimated roughly from
-    the Ra or Rz of the drawing, and then multiplied by `scale`. `case_of_drawing` chooses this factor so that the
-    surface has the Ra or Rz of the drawing.
+    The ratios of the returned values to each other are typical of the machining process. All heights are roughly
+    estimated from the Ra or Rz of the drawing, and then multiplied by `scale`. The function `case_of_drawing` chooses
+    `scale` so that the surface has the Ra or Rz of the drawing.
     """
-    # estimate of Rz; the factors below, by which it is multiplied, are typical of surfaces of each process
+    # estimate of Rz; the factors below are typical ratios of each height to Rz for the machining process
     height = drawing.rz or _RZ_OVER_RA * (drawing.ra or 0.0)
 
     def length(value: float) -> str:
@@ -421,7 +427,7 @@ def _face_keys(drawing: Drawing, scale: float) -> dict[str, Any]:
 
 
 def case_of_drawing(drawing: Drawing) -> str:
-    """Write the text of a case from the values of a drawing. The case can be run without changes.
+    """Return the text of a case from the values of a drawing; the case can be run without changes.
 
     Parameters
     ----------
@@ -436,11 +442,11 @@ def case_of_drawing(drawing: Drawing) -> str:
     Raises
     ------
     InputError
-        The values cannot be used in a case.
+        A value of the drawing is not allowed in a case.
     """
     size = _surface_size(drawing)
     scale = 1.0
-    # The first correction scales the estimated heights; the second one corrects the effect of rounding and filters.
+    # The first pass scales the estimated heights; the second pass corrects the effect of rounding and filters.
     for _ in range(2):
         case = parse_case(_tables(drawing, size, scale))
         scale *= _scale_to_drawing(drawing, case)
@@ -448,7 +454,7 @@ def case_of_drawing(drawing: Drawing) -> str:
 
 
 def _scale_to_drawing(drawing: Drawing, case: Case) -> float:
-    """Return the factor by which the heights of a surface must be multiplied to have the Ra or Rz of the drawing."""
+    """Return the factor by which the heights must be multiplied to obtain the Ra or Rz of the drawing."""
     surface = condition_surface(case).surface.shortest_patch
     spacing = drawing.pitch if drawing.process in ("turned", "ground") else None
     roughness = profile_roughness(surface, spacing)
@@ -527,7 +533,7 @@ def _force(value: float) -> str:
 
 
 def _text(drawing: Drawing, size: _SurfaceSize, tables: dict[str, Any]) -> str:
-    """Write the tables as TOML, with comments that explain keys and mark assumed values."""
+    """Return the tables as TOML text, with comments that explain the keys and say which values are assumed."""
     comments = _comments(drawing, size)
     lines = [
         f"# A case from a drawing: {drawing.process}, {_stated_roughness(drawing)}, ring of "
@@ -574,7 +580,7 @@ def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str
     """Return the comments on keys of the case, by the pair (name of the table, name of the key)."""
 
     def assumed(*names: str) -> str:
-        """Return "assumed: " if at least one of these values was assumed, and "" otherwise."""
+        """Return "assumed: " if at least one of the values with the given names was assumed, and "" otherwise."""
         return "assumed: " if drawing.assumed & set(names) else ""
 
     better_points = as_toml(list(size.better_points))
@@ -585,7 +591,7 @@ def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str
     vickers = _vickers_text(drawing.hardness)
     scaled = "scaled so that the surface has the roughness of the drawing"
     compared = "as on the drawing; `femseal check` compares the surface with it"
-    size_comment = "as broad as the contact area, and at least 24 spacings long"
+    size_comment = "as wide as the contact area, and at least 24 spacings long"
     if size.breadth is not None:
         size_comment = "a part of the contact area"
     lay_comment = f"{assumed('lay')}{drawing.lay}"

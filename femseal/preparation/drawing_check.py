@@ -10,13 +10,13 @@ from ..case.faces import GeneratedFace
 from ..topography import Surface, Topography
 from ..topography.profile_roughness import ProfileRoughness, profile_roughness
 
-#: A warning is given if the relative difference from the value on the drawing is larger. By the rules of drawings, 16 %
-#: of the measured values may exceed the stated one.
+#: A warning is given if the relative difference from the value on the drawing is larger than this fraction. By the
+#: rules of drawings, 16 % of the measured values may exceed the value on the drawing.
 _TOLERANCE = 0.1
 
 
 def drawing_text(case: Case, surface: Surface) -> str:
-    """Return Ra, Rz, Sq and rms slope of a generated surface as text, or "" for any other surface."""
+    """Return Ra, Rz, Sq and rms slope of a generated surface as text; "" for other surfaces."""
     roughness = _roughness(case, surface)
     if roughness is None:
         return ""
@@ -32,7 +32,7 @@ def drawing_text(case: Case, surface: Surface) -> str:
 
 
 def drawing_warnings(case: Case, surface: Surface) -> Iterator[str]:
-    """Warn if the Ra or Rz of a generated surface differs from the value of the drawing, which the case contains."""
+    """Warn if the Ra or Rz of a generated surface differs from the Ra or Rz of the drawing in the case."""
     roughness = _roughness(case, surface)
     if roughness is None:
         return
@@ -45,7 +45,7 @@ def drawing_warnings(case: Case, surface: Surface) -> Iterator[str]:
         actual = to_text(value, "m", 3)
         stated = to_text(wanted, "m", 3)
         yield (
-            f"The surface is not that of the drawing: its {name} is {actual}, the drawing states {stated}. "
+            f"The surface has another roughness than the drawing: its {name} is {actual}, the drawing states {stated}. "
             f"Multiply the heights of [face] (depth, roughness, rms_height, rms_slope) by {wanted / value:.3g}"
         )
 

@@ -15,19 +15,19 @@ from ..topography import Surface, Topography
 #: A surface has grooves along x2 if its mean profile along x1 has at least this fraction of the variance of the
 #: heights.
 _GROOVED = 0.5
-#: The grooves are equally spaced if waves near their wavelength have at least this fraction of the power of this
-#: profile.
+#: The grooves count as equally spaced if waves near the spacing of the grooves have at least this fraction of the power
+#: of the mean profile.
 _EVENLY_SPACED = 0.3
 #: Smallest number of grooves on a surface.
 _LEAST_GROOVES = 3
 
 
 def layout_with_grooves(case: Case) -> Layout:
-    """Return the shape of the seal, including the lay of the surface: how its grooves run around the seal.
+    """Return the shape of the seal with the lay: the direction of the grooves of the surface on the seal.
 
-    If the case does not give the lay, the grooves of a single generated turned face form a spiral. The lead of this
-    spiral is the pitch of the grooves. The circumference of a spiral on a strip is the length of the seal, unless the
-    case gives the circumference.
+    The lay in the case has priority. If the case does not contain the lay, and the only face is a generated turned
+    face, the lay is a spiral whose lead is the pitch of the grooves. On a strip, the circumference of the spiral is the
+    length of the seal, unless the case contains the circumference.
     """
     layout = case.layout
     if not isinstance(layout, RectangularLayout | AnnularLayout):
@@ -45,9 +45,9 @@ def layout_with_grooves(case: Case) -> Layout:
 
 
 def _pitch_of_turned_face(case: Case) -> float | None:
-    """Return the pitch [m] of a single generated turned face, or None if the face of the case is of another kind.
+    """Return the pitch [m] of the grooves if the only face of the case is a generated turned face, otherwise None.
 
-    A face with less than one groove counts as a face without grooves.
+    None is also returned for a turned face that is narrower than one groove.
     """
     face = case.face[0]
     if len(case.face) > 1 or not isinstance(face, TurnedFace) or face.pitch >= face.size[0]:
@@ -74,9 +74,10 @@ def groove_warnings(case: Case, surface: Surface) -> Iterator[str]:
 
 
 def groove_pitch(surface: Surface) -> float | None:
-    """Find the spacing [m] of equally spaced grooves along x2, or return None if the surface has no such grooves.
+    """Return the spacing [m] of the grooves along x2 if the surface has equally spaced grooves, otherwise None.
 
-    For several patches, the mean spacing is returned if all of them have such grooves, and None otherwise.
+    For a surface of several patches, the mean spacing is returned if all patches have equally spaced grooves, otherwise
+    None.
     """
     if not isinstance(surface, Topography):
         pitches = [groove_pitch(patch) for patch in surface.patches]
@@ -98,7 +99,8 @@ def groove_pitch(surface: Surface) -> float | None:
     is_evenly_spaced = peak_power.sum() > least_peak_power > 0
     if not is_evenly_spaced:
         return None
-    # The number of grooves need not be an integer. The weighted mean of the neighbouring wave numbers estimates it.
+    # The number of grooves need not be an integer. The number is estimated by the weighted mean of the neighbouring
+    # wave numbers.
     groove_count = float(peak_power @ wave_numbers) / float(peak_power.sum())
     return surface.size[0] / groove_count
 

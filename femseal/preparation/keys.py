@@ -1,6 +1,7 @@
-"""Translate errors about arguments of functions into errors about keys of the case.
+"""Replace names of function arguments in error messages by keys of the case.
 
-The functions of the package do not know the case. Their errors contain the names of their arguments.
+Functions of the package raise errors with the names of their own arguments, such as "shape". The user of a case needs
+the name of the key in the case instead, such as "face.points".
 """
 
 from collections.abc import Iterator
@@ -22,8 +23,9 @@ SURFACE_KEYS = {
 
 
 def keys_of_table(table: str, names: str) -> dict[str, str]:
-    """Return the dotted key in a table for each argument, if keys and arguments have the same names.
+    """Return the dotted key of the case for each argument, for keys with the same names as the arguments.
 
+    table : name of the table of the case that contains the keys.
     names : names of the arguments, separated by spaces.
 
     >>> keys_of_table("stochastic", "length breadth")
@@ -49,9 +51,10 @@ MAP_KEYS = keys_of_table("load", "map") | keys_of_table(
 
 @contextmanager
 def errors_with_keys(keys: dict[str, str], table: str = "") -> Iterator[None]:
-    """If an InputError is raised within this context, replace the name of the argument by the key of the case.
+    """Replace the name of the argument by the key of the case in an InputError that is raised in the `with` block.
 
-    keys : dotted key of the case, by the name of the argument. table : name of a table, if the keys are relative to it.
+    keys : dotted key of the case for each name of an argument.
+    table : name of the table of the case to which the keys in `keys` are relative; "" for complete keys.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""Check a measured surface: waves that the filter removes, noise that it keeps, and the form of the surface."""
+"""Check a measured surface: measured waves that the filter removes, noise that remains, and the form deviation."""
 
 from collections.abc import Iterator
 
@@ -8,12 +8,12 @@ from ..case.faces import FileFace
 from ..studies import Scene
 from ..topography import Conditioning, Surface, resolving_shape
 
-#: A warning is given if the filter removes more than this fraction of the rms slope. With 49 % of it removed, a turned
-#: surface leaked 10 to 700 times less.
+#: A warning is given if the filter removes more than this fraction of the rms slope. A turned surface leaked 10 to 700
+#: times less when 49 % of its rms slope was removed.
 _LOST_SLOPE = 0.1
 #: A warning is given if more than this fraction of the rms slope is noise.
 _NOISE_SLOPE = 0.25
-#: Largest number of loads at which the effect of the form is computed.
+#: Largest number of loads at which the effect of the form deviation on the leakage is computed.
 _FORM_LOADS = 4
 
 
@@ -23,10 +23,10 @@ def is_measured(case: Case, surface: Surface) -> bool:
 
 
 def form_check_pressures(case: Case, scene: Scene) -> tuple[float, ...]:
-    """Choose the nominal pressures at which the effect of the form of a measured patch is computed [Pa].
+    """Choose the nominal pressures [Pa] at which the effect of the form deviation of a measured patch is computed.
 
-    Up to four of the loads during loading are chosen. The result is empty if the case defines the form itself: by the
-    key `detrend`, by a seat, or by the form of the whole seal.
+    The chosen pressures are up to four of the load steps on loading. No pressures are chosen if the case defines the
+    form deviation by the key `detrend`, by a seat, or by the form of the whole seal.
     """
     loads = [pressure for pressure in scene.steps.loading if pressure > 0]
     defines_form = case.seat.kind != "flat" or bool(case.seal.form)
@@ -39,7 +39,7 @@ def form_check_pressures(case: Case, scene: Scene) -> tuple[float, ...]:
 
 
 def filter_warnings(case: Case, surface: Surface, conditioning: Conditioning) -> Iterator[str]:
-    """Warn if the filter removes a large part of the measured slope, or if it keeps much noise."""
+    """Warn if the filter removes a large part of the measured slope, or if much noise remains in the surface."""
     if case.surface.continue_spectrum is not None:
         return
     measured = to_text(conditioning.shortest_measured, "m", 3)

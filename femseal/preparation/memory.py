@@ -21,7 +21,7 @@ _TILE_BYTES = 4000
 
 @contextmanager
 def refuse_impossible_sizes() -> Iterator[None]:
-    """Raise an InputError if a size or a number is too large for the computations in the `with` block."""
+    """Raise an InputError if the computations in the `with` block fail because a size or a number is too large."""
     try:
         yield
     except (MemoryError, OverflowError, RecursionError) as error:
@@ -33,7 +33,9 @@ def refuse_impossible_sizes() -> Iterator[None]:
 def check_memory(key: str, given: object, needed: float) -> None:
     """Raise InputError if the value of a key requires more memory than is free.
 
-    key : key of the case. given : its value, as text for the message. needed : required memory [byte].
+    key : key of the case, for the message.
+    given : value of the key, for the message.
+    needed : required memory [byte].
     """
     free = free_memory()
     if needed > free:
@@ -47,7 +49,8 @@ def check_memory(key: str, given: object, needed: float) -> None:
 def check_memory_of_points(key: str, shape: Shape, patches: int = 1) -> None:
     """Raise InputError if a surface does not fit into the free memory.
 
-    key : key of the case, for the message. shape : numbers of points along x1 and x2, for all patches together.
+    key : key of the case, for the message.
+    shape : numbers of points of the surface along x1 and x2, for all patches together.
     patches : number of patches.
     """
     together = f" of {patches} patches together" if patches > 1 else ""
@@ -57,7 +60,7 @@ def check_memory_of_points(key: str, shape: Shape, patches: int = 1) -> None:
 def check_memory_of_tiles(layout: Layout, sampling: Sampling, surface: Surface) -> None:
     """Raise InputError if the tiles of a strip or a ring do not fit into memory.
 
-    The tiles are as large as the usual cells of the surface.
+    The number of tiles is estimated with the default size of the cells of the surface.
     """
     if isinstance(layout, AnnularLayout):
         key, length = "seal", layout.circumference

@@ -1,6 +1,7 @@
 """Prepare the input of the studies from a case: surface, loads, fluid, cells, and the sampling of stochastic seals.
 
-First, the sizes in the case are compared with the free memory. Neither contact nor flow is solved.
+Before large arrays are created, the sizes in the case are compared with the free memory. The preparation does not solve
+contact or flow.
 """
 
 from __future__ import annotations
@@ -51,37 +52,37 @@ from .surface import condition_surface
 
 @dataclass(frozen=True)
 class Prepared:
-    """Input of the studies that was prepared from a case, with reports on how the surface was prepared.
+    """Hold the input of the studies that was prepared from a case, with reports on the preparation of the surface.
 
     Attributes
     ----------
     scene : Scene
         Surface, loads and fluid.
     cells : (int, int) or None
-        Numbers of cells along x1 and x2; None if the surface is not cut.
+        Numbers of cells along x1 and x2; None if the studies do not need cells.
     sampling : Sampling or None
-        Options of the stochastic seals; None without a stochastic study.
+        Options of the stochastic study; None without a stochastic study.
     conditioning : Conditioning
         Report on the repair and filtering of the surface.
     overlap : Overlap or None
         Overlap of two measured faces; None for a single face.
     continuation : Continuation or None
-        Continuation of the spectrum of the surface; None if it is not continued.
+        Continuation of the spectrum of the surface to shorter wavelengths; None if the spectrum is not continued.
     methods : frozenset of str
         Names of the studies to be run.
     seat : str
-        Form of the seat as text, "" if it is flat.
+        Description of the shape of the seat; "" for a flat seat.
     form : FormTolerance or None
-        Forms of seal and seat with their tolerances; None if both are flat.
+        Form deviations of seal and seat with their tolerances; None if seal and seat are flat.
     longest_waves : Representative or None
         Longest waves of a measured patch and their number; None for a generated surface.
     form_pressures : tuple of float, Pa
-        Nominal pressures at which the effect of the form of a measured patch is computed; empty if the case defines the
-        form.
+        Nominal pressures at which the effect of the form deviation of a measured patch on the leakage is computed;
+        empty if the case defines the form.
     flatness : float or None, m
-        Flatness of the seal; None if it is not given.
+        Flatness of the seal; None if the case does not contain the flatness.
     warnings : tuple of str
-        One sentence for each value of the case that is not plausible.
+        One sentence for each implausible value in the case.
     """
 
     scene: Scene
@@ -101,14 +102,14 @@ class Prepared:
     def longer_waves(self, surface: Surface, mapper: Mapper) -> Array | None:
         """Compute how waves longer than the patch change ln(leakage), see `budget.longer_waves`.
 
-        Returns None if no longer waves are expected.
+        Returns None if waves longer than the patch are not expected.
 
         Parameters
         ----------
         surface : Topography or Patches
-            Surface of the scene, or the same surface on a coarser grid.
+            Surface of the scene, or the surface of the scene resampled to a coarser grid.
         mapper : callable
-            Computes a stage for many items, such as the builtin `map`.
+            Function such as the builtin `map`, which computes a stage for many items.
         """
         sampling = self.sampling
         if sampling is None or (self.longest_waves is None and self.flatness is None):
@@ -127,8 +128,8 @@ class Prepared:
     def estimate(self) -> QuickEstimate | None:
         """Estimate contact and leakage from the spectrum of the surface alone, see `checks.estimate_scene`.
 
-        Returns None if a form, a pressure map or a spiral determines the leakage. The result of a solved study contains
-        this estimate as well.
+        The quick estimate is not possible if a form deviation, a pressure map or spiral grooves determine the leakage;
+        None is returned in these cases. The result of a solved study contains the quick estimate as well.
         """
         if self.sampling is None:
             return estimate_scene(self.scene)
@@ -139,9 +140,10 @@ class Prepared:
         return estimate_scene(self.scene, open_leakage_per_permeability(self.scene, seal))
 
     def solve_form_effect(self) -> FormEffect | None:
-        """Solve contact and flow of a measured patch with and without its form, see `checks.solve_form_effect`.
+        """Solve contact and flow of a measured patch with and without its form deviation.
 
-        Returns None if the case defines the form, or if the surface was not measured.
+        None is returned if the case defines the form, or if the surface was not measured. For the method, see
+        `checks.solve_form_effect`.
         """
         if not self.form_pressures:
             return None
@@ -157,10 +159,10 @@ class Prepared:
 
     @property
     def solved_studies(self) -> list[Study]:
-        """Studies that are solved.
+        """Studies that are solved separately.
 
-        If the methods include the two-scale study, the deterministic study is not solved separately, because its result
-        is part of the two-scale result.
+        If the methods include the two-scale study, the deterministic study is not solved separately, because the
+        two-scale result contains the deterministic result.
         """
         if "two-scale" in self.methods:
             return [study for study in self.studies if study.name != "deterministic"]
@@ -168,9 +170,9 @@ class Prepared:
 
     @property
     def answer(self) -> Study:
-        """Study that gives the leakage of the run.
+        """Study whose leakage is the result of the run, the last study in `studies`.
 
-        It is the last one of `studies`. The stochastic study, which describes the whole seal, is last in this list.
+        If the run includes the stochastic study, the leakage of the whole seal is taken from the stochastic study.
         """
         return self.studies[-1]
 
@@ -180,11 +182,11 @@ class Prepared:
         return StudyOptions(self.cells, self.sampling, surface_is_solved=not is_first)
 
     def with_realisations(self, count: int) -> Prepared:
-        """Return a copy of the input with this number of realisations, if it has a stochastic study.
+        """Return a copy of the input with the given number of realisations of the stochastic study.
 
-        Two solutions with the same number of realisations consist of the same realisations, and can be compared one by
-        one. Without a given number, it follows from the scatter of the leakage, and differs between solutions with
-        different fluids, surfaces or contact laws.
+        Without a given number, the number of realisations depends on the scatter of the leakage, and therefore on the
+        fluid, the surface and the contact law. With a given number, two runs take the same cells in realisation n, so
+        that their leakages can be compared realisation by realisation.
         """
         if self.sampling is None:
             return self
@@ -198,25 +200,25 @@ class Prepared:
 
     @property
     def points_divide_by(self) -> Shape:
-        """Divisors of the numbers of points along x1 and x2.
+        """Numbers by which the numbers of points along x1 and x2 must be divisible.
 
-        For the study in blocks, each cell must have the same number of points, and the divisors are the numbers of
-        cells. For other studies, the divisors are 1.
+        In the study by blocks, all cells must have the same number of points. The numbers of points must therefore be
+        divisible by the numbers of cells. Other studies accept any number of points: the divisors are 1.
         """
         return self.cells if self.cells is not None and "blocks" in self.methods else (1, 1)
 
     @property
     def cut_and_tiles(self) -> tuple[Cut, SealTiles]:
-        """The division of the surface into cells, and the tiles of the stochastic seal."""
+        """Division of the surface into cells, and tiles of the seal of the stochastic study."""
         assert self.sampling is not None
         return cut_and_cover(self.scene.surface, self.scene.layout, self.cells, self.sampling)
 
     def replaced(self, **changes: Any) -> Prepared:
-        """Return a copy of the input, with these attributes replaced."""
+        """Return a copy of the input in which the given attributes are replaced."""
         return replace(self, **changes)
 
     def changed(self, change: ModelChange) -> Prepared:
-        """Return a copy of the input with a change of the model, for the error budget."""
+        """Return a copy of the input in which the scene and the forms are changed, for the error budget."""
         sampling = self.sampling
         if change.forms and sampling is not None:
             sampling = replace(sampling, form=change.forms)
@@ -262,14 +264,14 @@ class Prepared:
 def prepare(case: Case) -> Prepared:
     """Prepare the input of the studies from a case.
 
-    The faces are generated or read, repaired, added, filtered and resampled. Then the surface is divided into cells,
-    and the size of the seal is determined. Contact and flow are not solved here, but in
-    `Prepared.solve_form_effect` and `Prepared.estimate`, if a check requires them.
+    The function prepares the surface (see `condition_surface`), divides the surface into cells, and determines the size
+    of the seal. Contact and flow are not solved by this function; checks that need contact and flow call
+    `Prepared.solve_form_effect` and `Prepared.estimate`.
 
     Raises
     ------
     InputError
-        A face cannot be read or used, or the size of cells or seal does not suit the surface.
+        A face cannot be read or used, or the size of the cells or of the seal is not possible with this surface.
     """
     with refuse_impossible_sizes(), errors_with_keys(SCENE_KEYS):
         conditioned = condition_surface(case)
@@ -332,7 +334,7 @@ def prepare(case: Case) -> Prepared:
 
 
 def _test_fluid_warnings(case: Case) -> Iterator[str]:
-    """Warn if the test fluid is treated as an ideal gas, but is not ideal at its pressures."""
+    """Warn if the test fluid is treated as an ideal gas, although it is a real gas at the test pressures."""
     test = case.output.test_fluid
     if test is not None:
         key = "output.test_fluid"
@@ -342,9 +344,9 @@ def _test_fluid_warnings(case: Case) -> Iterator[str]:
 def _form_tolerance(
     case: Case, sampling: Sampling | None, seat: Seat | None
 ) -> FormTolerance | None:
-    """Collect the forms of the seal and of its seat, with their tolerances. Return None if both are flat."""
+    """Collect the form deviations of seal and seat with their tolerances; return None if seal and seat are flat."""
     if sampling is not None and sampling.form:
-        # the form of a seat, if there is one, is the last form of the seal
+        # if the seal has a seat, the form of the seat is the last form of the seal
         tolerances = [table.tolerance for table in case.seal.form or ()]
         if seat is not None:
             tolerances.append(case.seat.tolerance)
@@ -357,18 +359,18 @@ def _form_tolerance(
 
 @dataclass(frozen=True)
 class _Seal:
-    """Area of the seal on which the loads act.
+    """Hold the size of the seal, on which the loads act, and how the shape of the seat enters the computation.
 
     Attributes
     ----------
     sampling : Sampling or None
-        Options of the stochastic seals; None without a stochastic study.
+        Options of the stochastic study; None without a stochastic study.
     size : (float, float)
-        Breadth and length of the seal [m].
+        Width and length of the seal [m].
     form_is_separate : bool
-        How the form of a seat is treated. If True, it is a form of the whole seal, which determines the contact
-        pressure of each tile. If False, it is added to the heights of the surface. The cells of the seal then have the
-        same order as on the surface.
+        How the shape of the seat enters the computation. If True, the seat is a form deviation of the whole seal, from
+        which the contact pressure of each tile is computed. If False, the heights of the seat are added to the heights
+        of the surface, and the cells of the seal have the same order as on the surface.
     """
 
     sampling: Sampling | None
@@ -377,9 +379,9 @@ class _Seal:
 
 
 def _lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | None) -> _Seal:
-    """Determine the size of the seal, and how the form of its seat is treated.
+    """Determine the size of the seal, and how the shape of the seat enters the computation.
 
-    Without a stochastic study, the seal is the surface itself.
+    Without a stochastic study, the seal has the size of the surface.
     """
     table = case.stochastic if "stochastic" in case.methods else None
     if table is None:
@@ -407,20 +409,20 @@ def _lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | N
 
 
 def _add_seat(case: Case, seat: Seat | None, surface: Surface, form_is_separate: bool) -> Surface:
-    """Add the form of a seat to the heights of the surface, unless it is treated as a form of the whole seal.
+    """Add the heights of a seat to the heights of the surface, unless the seat is a form deviation of the whole seal.
 
     Raises
     ------
     InputError
-        The form is too steep, or narrower than the surface. Or it is treated as a form of the whole seal, but one of
-        the methods only solves the surface.
+        The shape of the seat is too steep, or the seat is narrower than the surface. The error is also raised if the
+        seat is a form deviation of the whole seal, but the run includes studies other than the stochastic study.
     """
     if seat is None:
         return surface
     if form_is_separate and case.methods != {"stochastic"}:
         methods = ", ".join(sorted(case.methods))
         given = f"a seal that takes cells from anywhere on the surface, with {methods}"
-        expected = "the method stochastic alone, or a seal as broad as the surface"
+        expected = "the method stochastic alone, or a seal that is as wide as the surface"
         raise InputError("seat.kind", given, expected)
     if form_is_separate:
         return surface
@@ -463,14 +465,14 @@ def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tupl
     case : Case
         The case.
     area : float
-        Area that carries the loads [m²].
+        Area of the seal that carries the loads [m²].
     length : float
         Length of the seal [m].
 
     Raises
     ------
     InputError
-        The loads are forces, but the length of the seal is unknown, or a pressure is not below the hardness.
+        The loads are forces, but the length of the seal is not known; or a nominal pressure is not below the hardness.
     """
     stochastic = case.stochastic if "stochastic" in case.methods else None
     has_length = stochastic is not None and (
@@ -493,10 +495,11 @@ def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tupl
 
 @dataclass(frozen=True)
 class _PressedSeal:
-    """Input of the stochastic study, after the forms or the pressure map of the seal have been added.
+    """Hold the input of the stochastic study, including the form deviations or the pressure map of the seal.
 
-    sampling : options of the stochastic seals. cells : numbers of cells along x1 and x2. warnings : warnings about the
-    tiles and the pressure map.
+    sampling : options of the stochastic study.
+    cells : numbers of cells of the surface along x1 and x2.
+    warnings : warnings about the tiles and the pressure map.
     """
 
     sampling: Sampling
@@ -512,9 +515,11 @@ def _press_seal(
     size: Pair,
     forms: tuple[SealForm, ...],
 ) -> _PressedSeal:
-    """Add the forms of the seal to the options of the stochastic seals. If there are none, add the pressure map.
+    """Add the form deviations of the seal, or else the pressure map of the case, to the options of the study.
 
-    The forms or the map are checked. size : breadth and length of the seal [m].
+    Raises InputError if a form is too steep, or if the forms or the pressure map do not cover the seal.
+
+    size : width and length of the seal [m].
     """
     with errors_with_keys(MAP_KEYS):
         if forms:
@@ -525,7 +530,7 @@ def _press_seal(
             sampling = replace(sampling, pressure_map=pressure_map)
         cut, tiles = cut_and_tiles(scene, cells, sampling)
         if forms:
-            # raises if a form is too steep, or does not cover the seal
+            # raises InputError if a form is too steep or does not cover the seal
             sample_form(scene, tiles, forms)
         map_warnings = check_map(scene, tiles, sampling.pressure_map)
         return _PressedSeal(sampling, cut.shape, (*tiles.warnings, *map_warnings))

@@ -1,4 +1,4 @@
-"""Warn if the load makes the softer of the two solids yield as a whole, which no contact model of rough faces shows."""
+"""Warn if the load makes the whole softer solid yield, which contact models of rough faces do not include."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ..materials import RING_YIELD
 
 
 def ring_yield_warnings(case: Case, highest_pressure: float) -> Iterator[str]:
-    """Warn if the nominal pressure exceeds the one at which a ring of the weaker solid yields between flat faces.
+    """Warn if the nominal pressure is so high that a ring of the weaker solid yields as a whole between flat faces.
 
-    The body below a coating counts, and not the coating, which is too thin to be squeezed out. A solid with a seat is
-    left out, because its line contact has a check of its own.
+    For a coated solid, the yield stress of the body below the coating is used, because the coating is too thin to be
+    squeezed out. Cases with a seat are not checked here, because another check applies to line contacts.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def ring_yield_warnings(case: Case, highest_pressure: float) -> Iterator[str]:
 
 
 def _yield_stress_text(table: SolidTable) -> str:
-    """Write the yield stress of a solid, and how it is known."""
+    """Return the yield stress of a solid as text, with the origin of a yield stress that the case does not give."""
     text = f"its yield stress of {to_text(table.body_yield_stress, 'Pa', 3)}"
     if table.yield_stress is not None:
         return text

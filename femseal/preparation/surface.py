@@ -37,31 +37,33 @@ from ..topography import (
 from .keys import FACE_KEYS, SURFACE_KEYS, errors_with_keys
 from .memory import check_memory_of_points
 
-#: Smallest and default length of a side of a cell, in shortest waves.
+#: Smallest and default length of a side of a cell, as multiples of the shortest wavelength.
 _LEAST_WAVES, _USUAL_WAVES = 2, 8
 #: Relative error of lengths that are computed in different ways.
 _ROUNDING = 1e-9
 
-#: A map without undefined points and form, and a report on its repair.
+#: A map without undefined points and without form deviation, and a report on the repair of the map.
 RepairedMap = tuple[Topography, Repair]
 
 
 @dataclass(frozen=True, eq=False)
 class ConditionedSurface:
-    """Surface with which a case is solved.
+    """Hold the surface with which a case is solved, and reports on its preparation.
 
     Attributes
     ----------
     surface : Topography or Patches
-        Surface that is filtered and resampled to the grid of the case.
+        The surface after filtering and resampling to the grid of the case.
     conditioning : Conditioning
-        Report on its repair and filtering.
+        Report on the repair and filtering of the surface.
     overlap : Overlap or None
         Overlap of two faces; None for a single face.
     continuation : Continuation or None
-        Continuation of its spectrum beyond the measured waves; None if it is not continued.
+        Continuation of the spectrum of the surface to shorter wavelengths than measured; None if the spectrum is not
+        continued.
     cells : (int, int) or None
-        Numbers of cells along x1 and x2. None if no method needs cells, or if the study chooses the numbers later.
+        Numbers of cells of the surface along x1 and x2; None if no study needs cells, or if the stochastic study
+        chooses the numbers later.
     """
 
     surface: Surface
@@ -72,12 +74,12 @@ class ConditionedSurface:
 
 
 def condition_surface(case: Case) -> ConditionedSurface:
-    """Generate or read the faces of a case. Repair them, add them, and filter and resample the sum.
+    """Generate or read the faces of a case, repair and add their maps, and filter and resample the sum.
 
     Raises
     ------
     InputError
-        A face cannot be read or used, or the cells do not suit the surface.
+        A face cannot be read or used, or the surface cannot be divided into these cells.
     """
     faces = _repair_faces(case)
     level, instrument = faces.surface, faces.instrument
@@ -92,7 +94,7 @@ def condition_surface(case: Case) -> ConditionedSurface:
         check_memory_of_points("surface.points", points, len(level.patches))
         patch = level.shortest_patch
         cells = _choose_cells(case, patch, points, shortest_wave)
-        # the share of the shortest patch in the points of all patches, which are side by side along x2
+        # number of points of the shortest patch; all patches lie side by side along x2
         points_of_patch = (points[0], round(points[1] * patch.shape[1] / level.shape[1]))
         check_wave(shortest_wave, patch.size, points_of_patch)
         surface, conditioning = smooth(
@@ -122,7 +124,7 @@ def condition_surface(case: Case) -> ConditionedSurface:
 
 
 def _continuation(case: Case, level: Surface, instrument: Instrument) -> Continuation | None:
-    """Return the continuation of the spectrum beyond the measured waves; None if the case does not ask for it."""
+    """Return the continuation of the spectrum to shorter wavelengths; None unless the case requires a continuation."""
     cut_off = case.surface.continue_spectrum
     if cut_off is None:
         return None
@@ -131,7 +133,7 @@ def _continuation(case: Case, level: Surface, instrument: Instrument) -> Continu
 
 
 def _check_cells(surface: Surface, cells: Shape, shortest_wave: float) -> None:
-    """Raise InputError if a side of the cells is shorter than twice the shortest wave [m]."""
+    """Raise InputError if a side of the cells is shorter than twice the shortest wavelength [m]."""
     least = _LEAST_WAVES * shortest_wave
     sides = [length / count for length, count in zip(surface.size, cells, strict=True)]
     if min(sides) < least * (1 - _ROUNDING):
@@ -142,20 +144,20 @@ def _check_cells(surface: Surface, cells: Shape, shortest_wave: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _RepairedFaces:
-    """Faces of a case after repair, and their sum.
+    """Hold the repaired maps of all faces, and the sum of the maps.
 
     Attributes
     ----------
     surface : Topography or Patches
-        Sum of the faces, with all patches. The form has been subtracted.
+        Sum of the heights of the faces, with all patches. The form deviation has been subtracted.
     first_repair : Repair
-        Report on the repair of the sum, for its first patch.
+        Report on the repair of the sum, for the first patch.
     maps : list of RepairedMap
         All measured or generated maps, each repaired separately.
     overlap : Overlap or None
         Overlap of the first patches of two faces; None for a single face.
     instrument : Instrument
-        Instrument with the limits of all maps: it sees only the waves that every instrument sees.
+        Instrument that sees only the waves that the instruments of all maps see.
     notes : tuple of str
         Sentences on how the files were understood.
     """
@@ -169,12 +171,12 @@ class _RepairedFaces:
 
 
 def _repair_faces(case: Case) -> _RepairedFaces:
-    """Generate or read the maps of each face, and repair them. If there are two faces, add their maps.
+    """Generate or read the maps of each face, and repair the maps. For two faces, add the maps of both faces.
 
-    Patch n of one face is in contact with patch n of the other face. If one face has fewer patches, they are repeated:
-    after its last patch, its first patch is used again.
+    Patch n of one face is in contact with patch n of the other face. If one face has fewer patches than the other face,
+    its patches are used again, beginning with its first patch.
     """
-    # Each face has its own stream of random numbers, which is independent of those of the studies.
+    # Each face has its own stream of random numbers, which is independent of the random numbers of the studies.
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
     faces: list[list[RepairedMap]] = []  # maps by face
     instruments: list[Instrument] = []
@@ -209,11 +211,11 @@ def _repair_faces(case: Case) -> _RepairedFaces:
 def _add_pairs(
     case: Case, pairs: Sequence[tuple[RepairedMap, RepairedMap]]
 ) -> tuple[list[RepairedMap], Overlap]:
-    """Add the two maps of each pair, and repair the sums.
+    """Add the two maps of each pair of patches that are in contact, and repair the sums of the maps.
 
-    pairs : maps that are in contact, the first one of the first face and the second one of the second face.
+    pairs : for each pair of patches, a map of the first face and a map of the second face.
 
-    Returns the repaired sums, and the overlap of the maps of the first pair.
+    Returns the repaired sums of the maps, and the overlap of the two maps of the first pair.
     """
     second_face = case.face[1]
     placement = second_face.placement if isinstance(second_face, FileFace) else {}
@@ -239,7 +241,7 @@ def _repaired_faces(
     instrument: Instrument,
     notes: list[str],
 ) -> _RepairedFaces:
-    """Collect the results of the repair. Several patches become a surface of patches that are side by side."""
+    """Collect the repaired maps and their reports. Several patches are joined side by side to a single surface."""
     first_level, first_repair = patches[0]
     surface: Surface = first_level
     if len(patches) > 1:
@@ -257,8 +259,11 @@ def _repaired_faces(
 def _treatment(case: Case, spikes: float, is_measured: bool) -> dict[str, Any]:
     """Return the keyword arguments for `topography.repair`.
 
-    spikes : threshold for the detection of spikes. is_measured : whether the map was measured. Only the mean is
-    subtracted from a generated map, because it has no tilt, and detrending would change its waves.
+    The default value of `detrend` differs between measured and generated maps. Only the mean is subtracted from a
+    generated map, because a generated map has no tilt, and detrending would change its waves.
+
+    spikes : threshold for the detection of spikes.
+    is_measured : whether the map was measured.
     """
     detrend = case.surface.detrend
     if detrend is None and not is_measured:
@@ -270,12 +275,12 @@ def _joint_instrument(
     instruments: Sequence[Instrument], level_maps: Sequence[Topography]
 ) -> Instrument:
     """Return an instrument that sees only the waves that the instruments of all maps see."""
-    # longest of the shortest waves that the instruments see; 0 if no instrument has a limit
+    # largest of the shortest wavelengths that the instruments see; 0 if no instrument has a limit
     resolution = max(
         instrument.shortest_wave(level)
         for instrument, level in zip(instruments, level_maps, strict=True)
     )
-    # the sum of the maps counts as a generated surface only if all of them were generated
+    # the sum of the maps counts as a generated surface only if all maps were generated
     generated_waves = [i.generated_wave for i in instruments if i.generated_wave]
     all_are_generated = len(generated_waves) == len(instruments)
     return Instrument(
@@ -285,11 +290,14 @@ def _joint_instrument(
 
 
 def _choose_points(case: Case, level: Surface, instrument: Instrument) -> Shape:
-    """Choose the numbers of grid points along x1 and x2. They count the points of all patches, side by side along x2.
+    """Choose the numbers of grid points along x1 and x2, for all patches side by side along x2.
 
-    The key `surface.points` gives the numbers for a single patch. Without this key, a continued spectrum determines the
-    grid. Otherwise a generated surface keeps its points, and a measured surface has as many points as its shortest wave
-    requires.
+    There are four cases:
+
+    - If the case contains the key `surface.points`, the key determines the numbers of points of a single patch.
+    - If the spectrum is continued, the shortest wavelength of the continuation determines the grid.
+    - A generated surface has the same points as the generated map.
+    - The grid of a measured surface is chosen so that the grid resolves the shortest wavelength.
     """
     points = case.surface.points
     cut_off = case.surface.continue_spectrum
@@ -307,7 +315,7 @@ def _choose_points(case: Case, level: Surface, instrument: Instrument) -> Shape:
 
 
 def over_all_patches(surface: Surface, counts: Shape) -> Shape:
-    """Convert numbers of points or cells of the shortest patch to numbers for all patches, side by side along x2."""
+    """Convert numbers of points or cells of the shortest patch to the numbers for all patches side by side."""
     return counts[0], round(counts[1] * surface.shape[1] / surface.shortest_patch.shape[1])
 
 
@@ -316,9 +324,10 @@ def _choose_cells(
 ) -> Shape | None:
     """Choose the numbers of cells along both axes of a patch; return None if no method needs cells.
 
-    The case can give the size of the cells or their numbers. Otherwise the numbers follow from the methods. In a study
-    in blocks, each block has a fixed number of cells. In a stochastic study, the numbers are those of `usual_cells`. In
-    a two-scale study alone, the sides of a cell are at least eight times the shortest wave.
+    The case can contain the size of the cells or the numbers of cells. If the case contains neither, the numbers depend
+    on the studies. In a study by blocks, each block has 4 × 4 cells. In a two-scale study with a stochastic study, the
+    function `usual_cells` determines the numbers. In a two-scale study without a stochastic study, the sides of a cell
+    are at least eight times the shortest wavelength.
     """
     table = case.cells or CellsTable()
     stochastic = case.stochastic

@@ -1,6 +1,6 @@
-"""Survey a measured surface before a run: describe it, condition it as a run does, and write a first case.
+"""Survey a measured surface before a run: describe, repair and filter the surface, and write a first case.
 
-A surface that a run would reject is described as far as possible, with the reason.
+For a surface that a run would reject, the survey states the reason and describes the measured heights.
 """
 
 import os
@@ -50,7 +50,7 @@ SURFACE_OPTIONS = {
     "tip_radius": "--tip-radius",
     "resolution": "--resolution",
 }
-#: Directions of a text file, which differ from those of an array of NumPy.
+#: Directions of the lines of a text file, which differ from the axes of a NumPy array.
 _ORIENTATION = "a line of the text runs along x1, the leakage; transpose makes it run along x2, as rows of NumPy do"
 _PICTURES = (".png", ".pdf", ".svg")
 #: Options whose value is a length or several lengths.
@@ -72,7 +72,7 @@ _SHOWN_LINES = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "sh
 
 @dataclass(frozen=True)
 class _SurveyedSurface:
-    """Description of a measured surface, and results of its checks.
+    """Hold the description of a measured surface, and the results of checks of the surface.
 
     Attributes
     ----------
@@ -81,11 +81,11 @@ class _SurveyedSurface:
     conditioning : Conditioning or None
         Report on how a run would repair and filter the surface; None if a run would reject the surface.
     waves : Representative or None
-        Longest waves of the surface; None for a flat surface.
+        Longest waves of the surface and their number; None for a flat surface.
     form_effect : FormEffect or None
-        Effect of its form on the leakage; None for a flat surface.
+        Effect of the form deviation of the surface on the leakage; None for a flat surface.
     quick_estimate : str
-        Estimate of contact and gaps from its spectrum, as text.
+        Estimate of contact and gaps from the spectrum of the surface, as text.
     reasons : tuple of str
         Reasons for which a run would reject the surface.
     """
@@ -99,15 +99,16 @@ class _SurveyedSurface:
 
     @property
     def warnings(self) -> list[str]:
-        """Warnings about the longest waves and the form of the surface."""
+        """Warnings about the longest waves and the form deviation of the surface."""
         texts = [] if self.waves is None else list(self.waves.warnings)
         return texts + ([] if self.form_effect is None else self.form_effect.warnings)
 
     @property
     def remarks(self) -> list[str]:
-        """Sentences on the longest waves, the form and the quick estimate.
+        """Lines of text about the longest waves, the form deviation and the quick estimate.
 
-        If there are warnings about the longest waves or the form, they replace the description.
+        Warnings about the longest waves replace the description of the longest waves. Warnings about the form deviation
+        replace the description of the form deviation.
         """
         texts = []
         if self.waves is not None:
@@ -128,21 +129,21 @@ def survey(
     channel: str = "0",
     **reading: Any,
 ) -> list[str]:
-    """Describe the surface in a file by lines of text, and draw a picture of it.
+    """Describe the surface in a file by lines of text, and draw a picture of the surface.
 
     Parameters
     ----------
     path, channel, reading
-        Arguments of `read_topography`. Lengths are texts with a unit.
+        Arguments that are passed to `read_topography`. Lengths are given as texts with a unit.
     picture : Path or None
         Picture to write, .png, .pdf or .svg; None for no picture.
     spikes, detrend, shortest_wave, max_undefined
-        Values of these keys in the table [surface] of a case.
+        Values of the keys `spikes`, `detrend`, `shortest_wave` and `max_undefined` in the table [surface] of a case.
 
     Raises
     ------
     InputError
-        An argument is invalid, or the file contains no heights. No picture is written in this case.
+        An argument is invalid, or the file contains no heights. If this error is raised, no picture is written.
     """
     if picture is not None and (
         picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()
@@ -189,7 +190,7 @@ def survey(
 
 
 def _in_metres(**options: Any) -> dict[str, Any]:
-    """Convert lengths that are text with a unit, one or several, to m; other options are returned as they are."""
+    """Convert the options that are lengths from texts with a unit to m; return all other options unchanged."""
     converted = dict(options)
     for name in _LENGTHS & options.keys():
         value = options[name]
@@ -204,25 +205,25 @@ def _in_metres(**options: Any) -> dict[str, Any]:
 def survey_surface(
     face: Topography, wave: float | None, treatment: dict[str, Any], instrument: Instrument
 ) -> _SurveyedSurface:
-    """Describe a surface, repair and filter it as a run does, and check its longest waves and its form.
+    """Describe a surface, repair and filter the surface as in a run, and check its longest waves and form deviation.
 
     Parameters
     ----------
     face : Topography
         Map as read from a file.
     wave : float or None
-        Wavelength of the filter [m]; None lets the program choose it.
+        Cut-off wavelength of the filter [m]; None for the default wavelength.
     treatment : dict
         Arguments `detrend`, `spikes` and `max_undefined` of `topography.repair`.
     instrument : Instrument
         Instrument with which the surface was measured.
     """
-    reasons: list[str] = []  # for which a run would reject the surface
+    reasons: list[str] = []  # reasons for which a run would reject the surface
     try:
         report = describe_surface(face, **treatment)
     except TooManyUndefined as error:
         reasons.append(f"{error.given}, expected {error.expected}")
-        # describe the surface nevertheless, with any number of undefined points
+        # describe the surface nevertheless, and allow any number of undefined points
         report = describe_surface(face, **treatment | {"max_undefined": 1.0})
     try:
         with errors_with_keys(SURFACE_OPTIONS):
@@ -245,7 +246,7 @@ def survey_surface(
     surveyed = _SurveyedSurface(report, conditioning, reasons=tuple(reasons))
     if not surface.rms_slope:
         return surveyed
-    # the checks are for the surface with its form; only the tilt is subtracted
+    # the checks are made for the surface with its form deviation; only the tilt is subtracted
     with_form = level.with_heights(level.heights + repaired.form.heights).detrend(None)
     with_form = with_form.low_pass(conditioning.shortest_wave)
     # Ratios of leakages and contact fractions only depend on the ratios of pressure and hardness to the contact
@@ -293,9 +294,10 @@ def case_of_face(
     spacing: tuple[str, str] | None = None,
     height_unit: str | None = None,
 ) -> str:
-    """Write the text of a first case for a measured surface. Comments ask the user for everything else.
+    """Write the text of a first case for a measured surface.
 
-    Material, load and fluid are the examples of the template, which the user has to replace.
+    Material, load and fluid of the case are examples from the template, which the user has to replace. Comments in the
+    case ask the user for all values that the file of the surface does not contain.
 
     Parameters
     ----------
@@ -304,14 +306,14 @@ def case_of_face(
     folder : Path
         Folder of the case, to which paths in the case are relative.
     spacing : (str, str), optional
-        Spacing of the points along x1 and x2 with its unit, if the file does not contain it.
+        Spacing of the points along x1 and x2 with its unit, if the file does not contain the spacing.
     height_unit : str, optional
-        Unit of the heights, if the file does not contain it.
+        Unit of the heights, if the file does not contain the unit.
 
     Raises
     ------
     InputError
-        No surface can be read from the file, or its spacing or the unit of its heights is not known.
+        No surface can be read from the file, or the spacing of the points or the unit of the heights is not known.
     """
     file_content = read_for_a_look(path, height_unit=height_unit, **_in_metres(spacing=spacing))
     _require_scale(path, file_content)
@@ -366,7 +368,7 @@ def case_of_face(
 def _require_scale(path: Path, file_content: Look) -> None:
     """Raise InputError if the pixel size of a map or the unit of its heights is not known.
 
-    The unit of heights in NumPy files is m.
+    For NumPy files, no unit is needed: heights in NumPy files are in m.
     """
     has_pixel, has_unit = file_content.is_known
     missing = {} if has_pixel else {"pixel size": "--spacing '1 um' '1 um'"}

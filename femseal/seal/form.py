@@ -111,7 +111,7 @@ class WavyForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Infinity: the waves around the seal are assumed to be longer than a measured patch."""
+        """Infinity, because waves around the seal are assumed to be longer than a measured patch."""
         return inf
 
     def heights(self, points: Array, frame: Frame) -> Array:
@@ -206,7 +206,7 @@ class MeasuredForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wavelength that the measured points resolve [m]: three times the typical distance between points."""
+        """Shortest wavelength that the measured points resolve [m], three times the typical distance between points."""
         return _RESOLVED_DISTANCES * self._typical_distance
 
     @cached_property

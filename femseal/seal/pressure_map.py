@@ -1,8 +1,9 @@
 """Describe how the contact pressure varies over a seal, due to bolts, waviness or the bending of a flange.
 
-A pressure map gives values at points of a seal, in any unit. `PressedSeal.fractions` divides them by their mean over
-the seal. A map therefore determines only how the pressure is distributed; the nominal pressure determines its mean. A
-map is a frozen dataclass with the method `at`.
+A pressure map only describes the distribution of the contact pressure; the mean pressure is the nominal pressure of the
+load step. The values of a pressure map can therefore have any unit. `PressedSeal.fractions` divides the values of a map
+by their mean over the seal. Each kind of pressure map is a frozen dataclass, whose method `at` returns the values at
+points of a seal.
 """
 
 from __future__ import annotations
@@ -19,11 +20,12 @@ from ..base import Array, Indices, InputError, Pair, counted, to_text, validate
 from .plane import in_space, plane_points, polygon_areas
 
 #: A Delaunay triangle is treated as a gap in the field, such as the hole of a ring, if its longest side is more than
-#: this many times the median of all longest sides. For points on rings, this removes all triangles in the hole except a
-#: few at its rim.
+#: this many times the median of the longest sides of all triangles. On rings, all triangles in the hole are removed
+#: except a few at the rim of the hole.
 GAP = 4.0
 #: A point outside of all triangles takes the pressure of the nearest triangle, if its distance is at most this fraction
-#: of the height of the triangle. On a ring there are such points, because straight edges cut off the arcs.
+#: of the height of the triangle. On a ring, some points are outside of all triangles, because straight edges cut off
+#: the arcs.
 OUTSIDE = 0.1
 #: Allowed rounding error of a coordinate, as a fraction of a section of a profile or of a radius.
 _ROUNDING = 1e-9
@@ -36,12 +38,12 @@ class Frame:
     Attributes
     ----------
     size : tuple of two float or None
-        Sizes of a strip along x1 and x2 [m]; None for other seals.
+        Width along x1 and length along x2 of a strip [m]; None for other seals.
     centre : tuple of two float
         Centre of polar coordinates [m].
     ends : tuple of two float or None
-        Value of x1, or of the radius, at the inlet and at the outlet [m]. None if it varies along the inlet or the
-        outlet, as on a mesh.
+        Value of x1 or of the radius at the inlet and at the outlet [m]; None for a mesh, on which the radius varies
+        along the inlet or the outlet.
     """
 
     size: Pair | None = None
@@ -60,7 +62,7 @@ class Frame:
     def angle(self, points: Array) -> Array:
         """Return the polar angle (n,) [rad] of points (n, 2) [m].
 
-        On a strip it is 2π x2/L2, as if the strip were bent to a ring.
+        For a strip of the length L2, the returned angle is 2π x2/L2, as if the strip were bent to a ring.
         """
         if self.size:
             return 2 * pi * points[:, 1] / self.size[1]
@@ -69,10 +71,10 @@ class Frame:
 
 
 class PressureMap(Protocol):
-    """Define the interface of a pressure map."""
+    """Define the method that a pressure map needs."""
 
     def at(self, points: Array, frame: Frame) -> Array:
-        """Evaluate the map at points of a seal.
+        """Return the values of the pressure map at points of a seal.
 
         Parameters
         ----------
@@ -112,14 +114,14 @@ class Profile:
     fractions : tuple of float
         Values >= 0 in any unit.
     positions : tuple of float
-        Increasing positions of the values [m], between which the pressure is linear: x1 of a strip, counted from the
-        inlet, or the radius of a ring or mesh. Without positions, the seal is divided into sections of equal width, and
-        each section has one of the values, beginning with the section at the inlet.
+        Increasing positions of the values [m]: the distance from the inlet of a strip, or the radius on a ring or mesh.
+        The pressure is linear between two positions. If no positions are given, the seal is divided into sections of
+        equal width with a uniform pressure in each section. The first value belongs to the section at the inlet.
 
     Raises
     ------
     InputError
-        A number is invalid, the positions do not increase, or there are not as many positions as values.
+        A number is invalid, the positions do not increase, or the numbers of positions and values differ.
     """
 
     fractions: tuple[float, ...]
@@ -133,8 +135,8 @@ class Profile:
     def at(self, points: Array, frame: Frame) -> Array:
         """Return the values (n,) at points (n, 2) [m] of a seal.
 
-        The values are linear between positions. Without positions they are constant in each section; a point on the
-        edge between two sections takes the mean of both.
+        The values are interpolated linearly between the positions. A profile without positions is constant in each
+        section; at a point on the edge between two sections, the mean of the two values is returned.
         """
         values = np.array(self.fractions)
         across = frame.across(points)
@@ -151,9 +153,9 @@ class Profile:
         if frame.ends is None:
             raise InputError("positions", "none on a mesh", "radii [m]")
         inlet, outlet = frame.ends
-        # fractional number of the section
+        # index of the section in which each point lies, as a real number
         section = (across - inlet) / (outlet - inlet) * values.size
-        # The sections on both sides of each point, (side, point). They differ only for a point on an edge.
+        # Sections on both sides of each point, (side, point). The two sections differ only for a point on an edge.
         both_sides = np.floor([section - _ROUNDING, section + _ROUNDING]).astype(int)
         return values[np.clip(both_sides, 0, values.size - 1)].mean(axis=0)
 
@@ -162,22 +164,23 @@ class Profile:
 class AngleTable:
     """Describe a pressure that varies only around the seal, for example due to bolts or to a wavy flange.
 
-    The pressure is periodic, and linear between the angles.
+    The pressure is periodic around the seal and is interpolated linearly between the given angles.
 
     Parameters
     ----------
     fractions : tuple of float
         Values >= 0 in any unit.
     angles : tuple of float
-        Increasing angles of the values [rad], at least 0 and less than one period. By default they are equally spaced
-        and begin at 0. On a strip, the angle 2π corresponds to the length of the strip.
+        Increasing angles of the values [rad], at least 0 and less than one period. By default, the angles are equally
+        spaced and begin at 0. On a strip, the angle 2π corresponds to the length of the strip.
     repeat : int
         Number of periods around the seal.
 
     Raises
     ------
     InputError
-        A number is invalid, the angles do not increase or exceed the period, or there are not as many angles as values.
+        A number is invalid, the angles do not increase, an angle exceeds the period, or the numbers of angles and
+        values differ.
     """
 
     fractions: tuple[float, ...]
@@ -207,14 +210,14 @@ class AngleTable:
 class PressureField:
     """Hold a pressure field in the plane of the seal, such as the result of a flange calculation.
 
-    The method `from_points` makes such a field. The pressure is linear on each triangle.
+    Use the method `from_points` to create a pressure field. The pressure is interpolated linearly on triangles.
 
     Attributes
     ----------
     points : array, (m, 2)
         Coordinates [m]: x1 and x2 on a strip, x and y in the plane of other seals.
     triangles : array of int, (t, 3)
-        Numbers of the points at the corners of each triangle.
+        Indices of the points at the corners of each triangle.
     pressure : array, (m,)
         Pressure at the points [Pa].
     """
@@ -227,7 +230,7 @@ class PressureField:
     def from_points(
         cls, points: ArrayLike, pressure: ArrayLike, triangles: ArrayLike | None = None
     ) -> PressureField:
-        """Make a pressure field from the pressures at points.
+        """Create a pressure field from pressures at points.
 
         Parameters
         ----------
@@ -236,8 +239,8 @@ class PressureField:
         pressure : array, (m,)
             Pressure at the points, >= 0 [Pa].
         triangles : array of int, (t, 3), optional
-            Corners of triangles. By default the points are connected by Delaunay triangulation, without the long
-            triangles that span gaps.
+            Indices of the points at the corners of each triangle. By default, the points are connected by Delaunay
+            triangulation; long triangles that bridge gaps between the points are left out.
 
         Raises
         ------
@@ -258,29 +261,29 @@ class PressureField:
         return cls(checked_points, corners, _pressures(pressure, len(checked_points)))
 
     def at(self, points: Array, frame: Frame) -> Array:
-        """Interpolate the pressure (n,) [Pa] at points (n, 2) [m].
+        """Interpolate the pressure field (n,) [Pa] at points (n, 2) [m] of a seal.
 
-        A point slightly outside of all triangles takes the pressure at the edge of the nearest triangle.
+        At a point slightly outside of all triangles, the pressure at the edge of the nearest triangle is returned.
         """
         triangle, weights = self._barycentric(points)
-        # If a point is outside of a triangle, a weight is negative: it is the distance from the edge, divided by the
-        # height of the triangle.
+        # If a point is outside of a triangle, one of its weights is negative. The absolute value of a negative weight
+        # is the distance of the point from the edge, divided by the height of the triangle.
         uncovered = np.flatnonzero(weights.min(axis=1) < -OUTSIDE)
         if uncovered.size:
             ends = zip("xy", self.points.min(axis=0), self.points.max(axis=0), strict=True)
             ranges = ", ".join(f"{name} {low:.4g} to {high:.4g} m" for name, low, high in ends)
             x, y = points[uncovered[0]]
             given = f"{ranges}, without points of the seal such as ({x:.4g}, {y:.4g}) m"
-            raise InputError("field", given, "one that covers the seal")
+            raise InputError("field", given, "a pressure field that covers the seal")
         inside = np.maximum(weights, 0)
         inside /= inside.sum(axis=1, keepdims=True)
         return (inside * self.pressure[self.triangles[triangle]]).sum(axis=1)
 
     def _barycentric(self, points: Array) -> tuple[Indices, Array]:
-        """Find the triangle that contains each of the points (n, 2) or is nearest to it.
+        """Find, for each of the points (n, 2), the triangle that contains the point or is nearest to the point.
 
-        Returns the numbers of the triangles (n,), and the barycentric coordinates of the points (n, 3), which are the
-        weights of the corners.
+        Returns the indices of the triangles (n,) and the barycentric coordinates of the points (n, 3). The barycentric
+        coordinates are the weights of the corners in the linear interpolation.
         """
         import pyvista
 
@@ -298,7 +301,7 @@ class PressureField:
 def _delaunay_without_gaps(points: Array) -> Indices:
     """Return the Delaunay triangles (t, 3) of points (m, 2), without triangles that bridge a gap between the points.
 
-    There are no triangles if all points lie on a line.
+    If all points lie on a line, the returned array is empty (t = 0).
     """
     from scipy.spatial import Delaunay, QhullError
 
@@ -316,22 +319,23 @@ def _delaunay_without_gaps(points: Array) -> Indices:
 
 @dataclass(frozen=True, eq=False)
 class MapsAtLoads:
-    """Hold maps for several nominal pressures, for example for a flange that bends with the load.
+    """Hold pressure maps for several nominal pressures, for example for a flange that bends with the load.
 
-    Between the given nominal pressures the fractions are interpolated linearly; beyond them they are constant. They
-    depend only on the current nominal pressure and not on the load history, as for a flange that bends elastically.
+    Between two nominal pressures, the pressure distribution is interpolated linearly. Below the lowest and above the
+    highest nominal pressure, the distribution is constant. The distribution depends only on the current nominal
+    pressure and not on the load history, as for a flange that bends elastically.
 
     Parameters
     ----------
     pressures : tuple of float
         Increasing nominal pressures [Pa].
     maps : tuple of PressureMap
-        Map at each of these pressures.
+        Pressure map at each nominal pressure.
 
     Raises
     ------
     InputError
-        There is no map, the pressures do not increase, or there are not as many pressures as maps.
+        No map is given, the pressures do not increase, or the numbers of pressures and maps differ.
     """
 
     pressures: tuple[float, ...]
@@ -355,13 +359,13 @@ AnyMap = PressureMap | MapsAtLoads
 
 
 def is_uniform(pressure_map: Any) -> bool:
-    """Return whether the pressure is equal to the nominal pressure everywhere."""
+    """Return whether a pressure map is uniform, so that the pressure is the nominal pressure everywhere."""
     return isinstance(pressure_map, Uniform)
 
 
 @dataclass(frozen=True, eq=False)
 class PressedSeal:
-    """Describe the area of a seal over which pressure maps are averaged.
+    """Describe a seal by the outlines of its elements, for averages of pressure maps over the area of the seal.
 
     Attributes
     ----------
@@ -394,7 +398,7 @@ class PressedSeal:
         Parameters
         ----------
         pressure_map : PressureMap or MapsAtLoads
-            Map of the pressure.
+            Map of the contact pressure over the seal.
         points : array, (n, 2)
             Points in the plane of the seal [m].
         nominal : array, (steps,)
@@ -403,7 +407,7 @@ class PressedSeal:
         Returns
         -------
         array, (steps, n)
-            Ratios. Their mean over the seal is 1.
+            Ratio of contact pressure to nominal pressure, whose mean over the seal is 1.
 
         Raises
         ------
@@ -417,10 +421,10 @@ class PressedSeal:
             return np.broadcast_to(tabulated[0], (loads.size, len(points)))
         # linear interpolation between the maps below and above each load
         map_pressures = pressure_map.pressures
-        # fractional number of the map
+        # index of the map for each load, as a real number
         position = np.interp(loads, map_pressures, np.arange(len(map_pressures)))
         below = np.minimum(position.astype(int), len(map_pressures) - 2)
-        weight = (position - below)[:, None]  # of the map above
+        weight = (position - below)[:, None]  # weight of the map above the load
         return (1 - weight) * tabulated[below] + weight * tabulated[below + 1]
 
     def _normalised(self, pressure_map: PressureMap, points: Array) -> Array:
@@ -437,7 +441,7 @@ class PressedSeal:
 
 
 def _numbers(name: str, values: Any, expected: str, **limits: Any) -> tuple[float, ...]:
-    """Check a list of numbers and return it as a tuple; raise InputError if it is not a list of numbers.
+    """Check a list of numbers and return the numbers as a tuple; raise InputError for anything else.
 
     expected : description of the expected values, for the message.
     limits : limits of the numbers, see `validate.number`.
@@ -449,7 +453,7 @@ def _numbers(name: str, values: Any, expected: str, **limits: Any) -> tuple[floa
 
 
 def _fractions(values: Any) -> tuple[float, ...]:
-    """Check that all numbers are >= 0 and at least one is > 0, and return them as a tuple."""
+    """Check that all numbers are >= 0 and at least one is > 0, and return the numbers as a tuple."""
     fractions = _numbers("fractions", values, "a list of numbers >= 0", inclusive=True)
     if not fractions or not max(fractions) > 0:
         raise InputError("fractions", values, "a list of numbers >= 0, not all of them 0")
@@ -457,7 +461,7 @@ def _fractions(values: Any) -> tuple[float, ...]:
 
 
 def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
-    """Check that `values` are `count` increasing numbers, or an empty list, and return them as a tuple."""
+    """Check that `values` are `count` increasing numbers, or an empty list, and return the numbers as a tuple."""
     numbers = _numbers(name, values, f"a list of numbers {unit}", above=-np.inf)
     if numbers and len(numbers) != count:
         raise InputError(name, counted(len(numbers), "number"), f"{count}, one for each value")
@@ -467,7 +471,7 @@ def _rising(name: str, values: Any, count: int, unit: str) -> tuple[float, ...]:
 
 
 def _pressures(values: ArrayLike, count: int) -> Array:
-    """Check that there are `count` finite contact pressures >= 0, and return them as an array."""
+    """Check that `values` are `count` finite contact pressures >= 0, and return the pressures as an array."""
     pressure = np.array(values, dtype=float)
     if pressure.shape != (count,):
         raise InputError("pressure", f"shape {pressure.shape}", f"{(count,)}, one for each point")

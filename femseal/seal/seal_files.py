@@ -1,8 +1,9 @@
 """Read the mesh of a seal with its named boundaries, and fields of contact pressure, from files.
 
-The mesh is read by meshio. The names of boundaries are those of cell sets (Abaqus and others) or of physical groups
-(gmsh). A line element in the file gives its name to the facet of the mesh with the same two vertices. A field is read
-from a mesh file such as .vtu, or from a text file with columns.
+The mesh is read by meshio. The name of a boundary is the name of a cell set (Abaqus and others) or of a physical group
+(gmsh). A facet of the mesh belongs to a named boundary if the file contains a line element between the two vertices of
+the facet. Pressure fields and vector fields are read from mesh files such as .vtu. Pressure fields can also be read
+from text files with columns.
 """
 
 from __future__ import annotations
@@ -28,40 +29,41 @@ if TYPE_CHECKING:
 #: Mesh class of scikit-fem for each type of cells in files.
 _KINDS = {"triangle": "MeshTri1", "quad": "MeshQuad1"}
 _SECOND_ORDER = ("triangle6", "quad8", "quad9")
-#: Names of cell data that contain the number of the boundary of each line, for example in a .vtu written by meshio.
+#: Names of cell data that contain the number of the boundary of each line, for example in a .vtu file written by
+#: meshio.
 _TAGS = ("gmsh:physical", "medit:ref", "boundary")
 #: Smallest ratio of the memory needed for reading a mesh to the size of its file.
 _READING_FACTOR = 4
 #: Suffix of gmsh files, and advice for files without the necessary physical groups.
 _GMSH = ".msh"
 _PHYSICAL_SURFACE = (
-    "in gmsh, which writes what is in physical groups alone, put the surface into one beside its boundaries: "
+    "in gmsh, put the surface into a physical group too, because gmsh only writes elements in physical groups: "
     'Physical Surface("seal") = {1}; or gmsh.model.addPhysicalGroup(2, [1], name="seal")'
 )
 _SAVE_GROUPS = (
-    "a file of gmsh with its physical groups: switch 'Save all elements' off (Mesh.SaveAll = 0), which leaves them "
-    "out, put the surface into a physical group too, and save again"
+    "a gmsh file with its physical groups: in gmsh, switch 'Save all elements' off (Mesh.SaveAll = 0), because this "
+    "option omits the physical groups; put the surface into a physical group too, and save again"
 )
 #: Advice on how to give names to the boundaries of a mesh.
 NAME_BOUNDARIES = (
-    'name them: in gmsh by physical groups of curves, Physical Curve("inlet") = {1, 2}, beside one of the surface, '
-    "with Mesh.SaveAll = 0; in other programs by sets of line elements"
+    'name the boundaries: in gmsh by physical groups of curves, Physical Curve("inlet") = {1, 2}, and a physical group '
+    "of the surface, with Mesh.SaveAll = 0; in other programs by sets of line elements"
 )
 
 
 def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     """Read a mesh of linear triangles or quadrilaterals with named boundaries.
 
-    The elements are in the order of the file. Nodes that belong to no element are omitted. A physical group without a
-    name is called by its number. In a .vtu file, the cell data "gmsh:physical" or "boundary" contain, for each line,
-    the number of the boundary to which it belongs; this number is the name of the boundary.
+    The elements of the mesh have the same order as in the file. Nodes that belong to no element are omitted. The name
+    of a physical group without a name is its number. In a .vtu file, the cell data "gmsh:physical" or "boundary"
+    contain the number of the boundary to which each line belongs. The name of a boundary in a .vtu file is its number.
 
     Parameters
     ----------
     path : str or PathLike
         File in a format that meshio can read.
     unit : float
-        Unit of the coordinates in the file [m].
+        Length [m] of the unit in which the file contains the coordinates.
 
     Returns
     -------
@@ -71,8 +73,8 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     Raises
     ------
     InputError
-        The file does not exist or cannot be read, its elements are of several types or of second order, or they do
-        not lie in a plane of constant z.
+        The file does not exist or cannot be read; or its elements are of several types, of second order, or not in a
+        plane of constant z.
     """
     import skfem
 
@@ -99,7 +101,7 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
 
 
 def _kind_of_cells(file: Path, data: Any) -> str:
-    """Return the only kind of cells of a mesh file, which is a key of `_KINDS`; raise InputError for other meshes."""
+    """Return the kind of cells in a mesh file, a key of `_KINDS`; raise InputError for several or other kinds."""
     present = [kind for kind in (*_KINDS, *_SECOND_ORDER) if kind in data.cells_dict]
     if len(present) == 1 and present[0] in _KINDS:
         return present[0]
@@ -111,7 +113,7 @@ def _kind_of_cells(file: Path, data: Any) -> str:
 
 
 def _check_groups(file: Path, data: Any) -> None:
-    """Raise InputError if a mesh file has physical groups of lines, but none of its lines belongs to one of them."""
+    """Raise InputError if a mesh file defines physical groups of lines, but no line belongs to a physical group."""
     groups = {
         str(name): tag for name, (tag, dimension) in data.field_data.items() if dimension == 1
     }
@@ -126,14 +128,15 @@ def read_field(path: str | PathLike[str], name: str) -> tuple[Array, Array]:
     Returns
     -------
     positions : array, (n, 2)
-        Coordinates in the unit of the file. The position of a cell is the mean of its nodes.
+        Coordinates of the points or of the centres of the cells, in the unit of the file. The centre of a cell is the
+        mean position of its nodes.
     values : array, (n,) or (n, components)
         Values of the field.
 
     Raises
     ------
     InputError
-        The file does not exist, cannot be read, or has no field of this name.
+        The file does not exist, cannot be read, or does not contain a field with the name `name`.
     """
     file = Path(fspath(path))
     data = read_data(file)
@@ -143,7 +146,9 @@ def read_field(path: str | PathLike[str], name: str) -> tuple[Array, Array]:
     if name in data.cell_data:
         centres = [points[block.data].mean(axis=1) for block in data.cells]
         return np.vstack(centres), np.concatenate(data.cell_data[name]).astype(float)
-    raise InputError("field", f"'{name}' of '{file}'", f"one of its fields: {_fields(data)}")
+    raise InputError(
+        "field", f"'{name}' of '{file}'", f"one of the fields in the file: {_fields(data)}"
+    )
 
 
 def _fields(data: Any) -> str:
@@ -152,10 +157,10 @@ def _fields(data: Any) -> str:
 
 
 def _plane_points_of(file: Path, data: Any, cells: Any, rtol: float) -> Array:
-    """Return the points (n, 2) of a mesh file; raise InputError if its cells do not lie in a plane of constant z.
+    """Return the points (n, 2) of a mesh file; raise InputError if the cells do not lie in a plane of constant z.
 
-    cells : indices of the points at the corners of the cells.
-    rtol : allowed variation of z, as a fraction of the size of the mesh.
+    cells : indices of the points at the corners of the cells. rtol : allowed variation of z, divided by the size of the
+    mesh.
     """
     points = np.asarray(data.points, dtype=float)
     corners = points[np.ravel(cells)]
@@ -181,7 +186,7 @@ def _check_size(file: Path, factor: float, what: str) -> None:
 def read_data(file: Path) -> Any:
     """Read a mesh file by meshio, and suppress the text that meshio prints.
 
-    Raises InputError with the message of meshio if the file cannot be read or does not fit into memory.
+    If the file cannot be read or does not fit into memory, an InputError with the message of meshio is raised.
     """
     import meshio
 
@@ -217,8 +222,8 @@ def _has_tag(data: Any, tag: int) -> bool:
 def _named_lines(data: Any) -> dict[str, Indices]:
     """Return the end nodes (m, 2) of the lines of each named boundary.
 
-    The lines of a boundary are those in the cell set with its name. If there is no such set, they are the lines with
-    the number of the boundary.
+    If the file contains a cell set with the name of the boundary, the lines in this cell set are returned. Otherwise,
+    the lines with the number of the boundary are returned.
     """
     named: dict[str, list[Indices]] = {}  # end nodes (m, 2) of the lines, in one or several arrays
     for name, members in data.cell_sets.items():
@@ -230,7 +235,8 @@ def _named_lines(data: Any) -> dict[str, Indices]:
             for block, numbers in zip(data.cells, members, strict=True)
             if block.type == "line" and numbers is not None
         ]
-    # names of the numbered boundaries; only groups of lines count, because a surface may have the same number as a line
+    # names of the numbered boundaries; groups of surfaces are ignored, because a surface may have the same number as a
+    # line
     names = {int(tag): name for name, (tag, dimension) in data.field_data.items() if dimension == 1}
     tag_keys = [key for key in _TAGS if key in data.cell_data]
     tags = data.cell_data_dict[tag_keys[0]].get("line", []) if tag_keys else []
@@ -244,7 +250,7 @@ def _named_lines(data: Any) -> dict[str, Indices]:
 def _facets_with_ends(mesh: Mesh, ends: Indices) -> Indices:
     """Return the facets whose vertices form one of the given pairs (m, 2); pairs that form no facet are ignored."""
     n = mesh.nvertices
-    # a pair of vertices is represented by a single number, which does not depend on their order
+    # a pair of vertices is represented by a single number, which does not depend on the order of the two vertices
     facet_ends = np.sort(mesh.facets, axis=0)
     facet_key = facet_ends[0].astype(np.int64) * n + facet_ends[1]
     # False for pairs with an omitted node, whose number is −1
@@ -274,9 +280,10 @@ def read_pressure_field(
     ----------
     path : str or PathLike
         Either a mesh file that meshio can read, such as .vtu, or a text file, .csv or .txt. The mesh must consist of
-        triangles or quadrilaterals in a plane of constant z, and have point data (linear in each cell) or cell data
-        (constant in each cell) called `name`. The text must have columns x, y and `name`, separated by commas,
-        semicolons, tabs or blanks, and their names in the first line; its points are connected to triangles.
+        triangles or quadrilaterals in a plane of constant z. The pressure is stored as point data (linear in each cell)
+        or cell data (constant in each cell) with the name `name`. A text file must have columns x, y and `name`, whose
+        names are in its first line. The columns are separated by commas, semicolons, tabs or blanks. The points of a
+        text file are connected by triangles.
     length_unit, pressure_unit : str
         Units of the numbers in the file, such as "mm" and "MPa".
     name : str
@@ -285,13 +292,13 @@ def read_pressure_field(
     Returns
     -------
     PressureField
-        The field, with the pressure linear on triangles.
+        The pressure field, which is interpolated linearly on triangles.
 
     Raises
     ------
     InputError
-        The file does not exist or cannot be read, there are no data of this name, a number is not finite, or a pressure
-        is negative.
+        The file does not exist or cannot be read, data with the name `name` are missing, a number is not finite, or a
+        pressure is negative.
     """
     file = Path(fspath(path))
     _check_size(file, _FIELD_FACTOR, "file with a field of pressure")
@@ -305,7 +312,7 @@ def read_pressure_field(
 
 
 class TextRow(NamedTuple):
-    """Hold the number of a line in its file, its text, and the entries of its columns."""
+    """Hold a line of a text file: its number in the file, its text, and the text in each column."""
 
     number: int
     line: str
@@ -315,8 +322,8 @@ class TextRow(NamedTuple):
 def text_rows(file: Path, what: str = "path") -> list[TextRow]:
     """Read the lines of a text file with columns, without empty lines and comments (#).
 
-    The columns are separated by commas, semicolons or tabs, whichever is most frequent in the first line, or by blanks
-    if it contains none of these.
+    The separator of the columns is the comma, the semicolon or the tab, whichever is most frequent in the first line.
+    If the first line contains no comma, semicolon or tab, the columns are separated by blanks.
 
     Parameters
     ----------
@@ -363,7 +370,7 @@ def columns_of(file: Path) -> list[str]:
 
 
 def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
-    """Read the columns with the names `wanted` from a text file; return them as an array (n, columns).
+    """Read the columns with the names `wanted` from a text file, and return an array (lines, columns).
 
     The first line of the file contains the names of the columns. Raises InputError if the file cannot be read, a column
     is missing or occurs twice, or an entry is not a number.
@@ -390,8 +397,8 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
 def _read_triangles(file: Path, name: str) -> tuple[Any, Any, Any]:
     """Read the points (n, 2), their values (n,) and the triangles (t, 3) of a field in a mesh file.
 
-    Cell data are constant in each cell and jump from cell to cell. Therefore triangles with cell data do not share
-    points: the three points of each triangle have the value of its cell.
+    Cell data are constant in each cell and differ between neighbouring cells. For cell data, each triangle has three
+    separate points, which all have the value of the cell.
     """
     data = read_data(file)
     # (number of the block of cells, corners of its triangles)
@@ -420,7 +427,7 @@ def _read_triangles(file: Path, name: str) -> tuple[Any, Any, Any]:
 
 
 def _numbers(values: Any, file: Path, name: str) -> Any:
-    """Check that data consist of one number for each point or cell, and return them as an array."""
+    """Check that `values` contain one number for each point or cell, and return the numbers as an array."""
     array = np.asarray(values)
     if array.dtype.kind not in "iuf" or array.size != len(array):
         given = f"'{name}' in '{file}' with shape {array.shape}"

@@ -1,8 +1,9 @@
-"""Cover a seal of any shape with tiles. Each tile takes the permeability of a cell of the surface.
+"""Cover a seal of any shape with tiles, which take the permeabilities of cells of the surface.
 
 The permeability of a cell has the principal values k1 across the lay and k2 along the lay. A strip is periodic along
-x2. A ring is treated as a strip in the coordinates (ln r, θ), in which Darcy's law has the same form. Any other seal is
-given by a mesh; neighbouring elements that are smaller than a cell share a tile.
+x2. A ring is treated as a strip in the coordinates (ln r, θ), in which Darcy's law has the same form as on a plane
+strip. Seals of other shapes are given by a mesh. If the elements of the mesh are smaller than a cell of the surface,
+neighbouring elements share a tile.
 """
 
 from dataclasses import dataclass, field, replace
@@ -21,11 +22,12 @@ from .plane import middles, polygon_areas
 
 #: Largest number of tiles between inlet and outlet.
 MOST_ROWS = 1000
-#: Smallest width of a ring, as a multiple of the width of a cell. A warning is given if the width of the tiles at its
-#: inner radius is less than the same fraction of a cell, and an error if it is less than the second fraction.
+#: Smallest width of a ring, as a multiple of the width of a cell. A warning is given if the width of the tiles at the
+#: inner radius of the ring is less than the first multiple of the width of a cell. An error is raised if this width is
+#: less than the second multiple.
 _NARROW, _NARROWEST = 0.7, 0.35
-#: An element of a mesh counts as much larger than a cell if its area is more than this many times that of a cell. At
-#: this ratio the leakage scatters twice as much as it should.
+#: An element of a mesh counts as much larger than a cell if its area is more than this many times the area of a cell.
+#: With elements of this size, the leakage scatters twice as much as with elements of the size of a cell.
 _MUCH_LARGER = 4.0
 #: A warning is given if much larger elements cover more than this fraction of the seal.
 _NOTABLE_PART = 0.1
@@ -35,19 +37,19 @@ _SAME = 1e-6
 
 @dataclass(frozen=True)
 class CellSize:
-    """Hold the size of the cells of a surface, and the intended size of the seal.
+    """Hold the size of the cells of a surface, and the required size of the seal.
 
     Attributes
     ----------
     size : tuple of two float
-        Sizes of a cell along x1 and x2 [m].
+        Side lengths of a cell along x1 and x2 [m].
     rows : int
         Number of cells of the surface along x1.
     length, breadth : float or None
-        Length and breadth of the seal [m]; None if they are not known.
+        Length and width of the seal [m]; None if not given.
     most_tiles : int or None
-        Largest number of tiles. If a strip or ring that does not vary along its length needs more tiles, only a part of
-        its length is covered. If None, the whole seal is covered.
+        Largest number of tiles; None to cover the whole length of the seal. If a strip or ring with a uniform lay needs
+        more tiles, only a part of its length is covered.
     """
 
     size: Pair
@@ -57,7 +59,7 @@ class CellSize:
     most_tiles: int | None = None
 
     def covered_columns(self, rows: int, columns: int) -> int:
-        """Return the number of columns to be covered, so that there are at most `most_tiles` tiles.
+        """Return how many columns of tiles are used, so that the seal has at most `most_tiles` tiles.
 
         rows, columns : numbers of rows and of columns of tiles of the whole seal.
         """
@@ -68,7 +70,7 @@ class CellSize:
 
 @dataclass(frozen=True, eq=False)
 class SealTiles:
-    """Hold a seal that is covered with tiles, each of which takes a random cell of a surface.
+    """Hold a seal that is covered with tiles. In a realisation, each tile takes a random cell of a surface.
 
     Attributes
     ----------
@@ -77,17 +79,17 @@ class SealTiles:
     lay : array, (n, 2)
         Unit vector along the lay in each element, in the plane of the seal.
     tile : array of int, (n,)
-        Number of the tile to which each element belongs.
+        Index of the tile to which each element belongs.
     grid : tuple of two int or None
-        Numbers of rows (from inlet to outlet) and columns of the tiles of a strip or a ring, which are numbered row by
-        row; None for meshes.
+        Numbers of rows and columns of the tiles of a strip or a ring; None for meshes. The tiles are numbered row by
+        row, from the inlet to the outlet.
     in_order : bool
         Whether a row of tiles takes only cells from the row of the surface at the same distance from the inlet.
     tangent : array, (n,), or None
-        Tangent of the angle α between the spiral grooves and the circumferential direction in each element; None
-        without a spiral.
+        Tangent of the angle α between the spiral grooves and the circumferential direction in each element; None for a
+        lay that is not a spiral.
     part : float
-        Fraction of the length of the seal that the tiles cover.
+        Length that is covered with tiles, divided by the length of the seal.
     warnings : tuple of str
         Warnings for the user.
     """
@@ -113,7 +115,7 @@ class SealTiles:
 
     @cached_property
     def unrepeated_elements(self) -> Indices:
-        """Indices of the elements, without the repetitions that `_strip` adds to a short strip."""
+        """Indices of all elements except the copies that `_strip` adds to a short strip."""
         if self.grid is None:
             return np.arange(len(self.tile))
         # the first element of each tile
@@ -122,7 +124,7 @@ class SealTiles:
 
     @property
     def size(self) -> Pair:
-        """Breadth and length of the whole seal [m]. The tiles may cover only a part of the length."""
+        """Width and length of the whole seal [m], even if the tiles cover only a part of the length."""
         breadth, length = self.seal.size
         unrepeated_fraction = self.unrepeated_elements.size / self.tile.size
         return breadth, length * unrepeated_fraction / self.part
@@ -132,7 +134,7 @@ class SealTiles:
         """Centres of the tiles (tiles, 2) [m]."""
         tile = self.tile[self.unrepeated_elements]
         centres = self.outlines[self.unrepeated_elements].mean(axis=1)
-        # the centre of a tile of several elements is the mean of their centres
+        # the centre of a tile with several elements is the mean of the centres of these elements
         element_count = np.bincount(tile)
         return np.stack([np.bincount(tile, x) / element_count for x in centres.T], axis=1)
 
@@ -152,7 +154,7 @@ class SealTiles:
         Returns
         -------
         array of int, (tiles,)
-            Number of the cell of each tile. Cells are numbered row by row.
+            Index of the cell that each tile takes. The cells of the surface are numbered row by row.
         """
         cell_rows, cell_columns = cells
         rows, columns = self.grid or (1, self.count)
@@ -168,20 +170,22 @@ class SealTiles:
     def permeability(self, along_x1: Array, along_x2: Array) -> Array:
         """Compute the permeability of the elements from the permeability of the tiles.
 
-        A spiral groove passes through all tiles of a row. The permeability along the groove, which limits the flow in
-        it, is therefore the harmonic mean of k₂ over the row. In the direction of the leakage the permeability is then
-        k₁ cos²α + k₂ sin²α.
+        A spiral groove passes through all tiles of a row, so that its permeability is limited by the tightest tiles.
+        The permeability along a spiral groove is therefore the harmonic mean k_g of k2 over the row. In the direction
+        of the leakage, the permeability of a tile is k1 cos²α + k_g sin²α, where α is the angle between the spiral
+        groove and the circumferential direction.
 
         Parameters
         ----------
         along_x1, along_x2 : arrays, (…, tiles)
-            Permeabilities k1 across the lay and k2 along the lay of the tiles [m³]. The lay is x2 of the cells.
+            Permeabilities k1 across the lay and k2 along the lay of the tiles [m³]: the permeabilities of their cells
+            along x1 and x2.
 
         Returns
         -------
         array, (…, n, 2)
-            Permeability of the elements across and along the lay [m³]; with a spiral, along the radial and the
-            circumferential direction.
+            Permeability of the elements across and along the lay [m³]. For a spiral lay, the two directions are the
+            radial and the circumferential direction.
         """
         across, along = along_x1, along_x2
         if self.tangent is None:
@@ -199,8 +203,8 @@ class SealTiles:
     def element_means(self, permeability: Array, fluid_pressure: Array) -> tuple[Array, Array]:
         """Average the permeability (n, 2) [m³] and the fluid pressure (n_vertices,) [Pa] over each element.
 
-        Returns the geometric mean of the two permeabilities (n,) [m³], and the mean fluid pressure at the corners (n,)
-        [Pa].
+        Returns the geometric mean of the permeabilities across and along the lay (n,) [m³], and the mean of the fluid
+        pressures at the corners (n,) [Pa].
         """
         at_vertices = fluid_pressure[self.seal.mesh.t]
         return np.sqrt(permeability[:, 0]) * np.sqrt(permeability[:, 1]), at_vertices.mean(axis=0)
@@ -213,10 +217,10 @@ class SealTiles:
         permeability : array, (n, 2)
             Permeability of the elements across and along the lay [m³].
         potential : array, (n_vertices,)
-            Potential at the vertices, divided by the density to which volume rates refer [1/s].
+            Pressure potential at the vertices, divided by the reference density of the fluid [1/s].
         rate : float
-            Leakage of the seal [m³/s]. The flux is multiplied by a factor so that it carries this leakage. Without the
-            factor it would carry the upper bound of the leakage.
+            Leakage of the seal [m³/s]. The returned flux is scaled so that its total through the seal is this leakage;
+            the total of the unscaled flux is the upper bound of the leakage.
 
         Returns
         -------
@@ -225,8 +229,8 @@ class SealTiles:
         """
         corners = self.seal.outlines  # (element, corner, 2)
         corner_potential = np.nan_to_num(potential)[self.seal.mesh.t.T]  # (element, corner)
-        # The gradient g at the centre follows from the differences of the potential along two lines, step · g =
-        # difference. The lines are two edges of a triangle, or both diagonals of a quadrilateral.
+        # The gradient g of the potential at the centre is computed from the differences of the potential along two
+        # lines, step · g = difference. The two lines are two edges of a triangle, or the diagonals of a quadrilateral.
         if corners.shape[1] == 3:
             starts, ends = [0, 0], [1, 2]
         else:
@@ -238,7 +242,7 @@ class SealTiles:
         # Indices of einsum: n element, i axis of the lay, a and b components in the plane.
         axes = _axes(self.lay)
         flux = -np.einsum("ni,nia,nib,nb->na", permeability, axes, axes, gradient)
-        # the flow rate is the dissipation divided by the drop of potential
+        # the flow rate is the dissipation divided by the difference of the potential between inlet and outlet
         dissipation = -float(np.abs(polygon_areas(corners)) @ (flux * gradient).sum(axis=1))
         drop = float(np.ptp(potential[np.isfinite(potential)]))
         if not dissipation > 0:
@@ -252,13 +256,13 @@ class SealTiles:
 
 
 def harmonic_row_means(permeability: Array) -> Array:
-    """Return the harmonic mean (…, rows) of permeabilities (…, rows, columns) over each row; 0 if any of them is 0."""
+    """Return the harmonic mean (…, rows) of permeabilities (…, rows, columns) over each row; 0 if any value is 0."""
     with np.errstate(divide="ignore"):
         return 1 / np.mean(1 / permeability, axis=-1)
 
 
 def face_tiles(size: Pair, cells: Shape) -> SealTiles:
-    """Make a strip of the given size [m] from all cells of a surface in their original order, with the lay along x2."""
+    """Cover a strip of a given size [m] with all cells of a surface in their original order, with the lay along x2."""
     lay = np.tile([0.0, 1.0], (cells[0] * cells[1], 1))
     return replace(_strip(size, cells, lay), in_order=True)
 
@@ -266,8 +270,8 @@ def face_tiles(size: Pair, cells: Shape) -> SealTiles:
 def cover_strip(cell_size: CellSize, lay: Lay) -> SealTiles:
     """Cover a strip with tiles.
 
-    If the strip and the surface have the same breadth and the same lay, each row of tiles takes only cells from the
-    same row of the surface (`SealTiles.in_order`).
+    If the strip and the surface have the same width and the same lay, each row of tiles takes only cells from the
+    corresponding row of the surface (`SealTiles.in_order`).
     """
     assert cell_size.length is not None
     # sides of the tiles across (d1) and along the seal (d2)
@@ -275,10 +279,10 @@ def cover_strip(cell_size: CellSize, lay: Lay) -> SealTiles:
     surface_breadth = cell_size.rows * cell_size.size[0]
     breadth = surface_breadth if cell_size.breadth is None else cell_size.breadth
     rows = _row_count(breadth, d1, "breadth", breadth)
-    # numbers of columns of tiles of the whole strip, and of its part that is covered
+    # numbers of columns of tiles: first of the whole strip, then of the part that is covered
     all_columns = max(1, round(cell_size.length / d2))
     columns = cell_size.covered_columns(rows, all_columns)
-    size = breadth, columns * d2  # of the covered part
+    size = breadth, columns * d2  # size of the covered part
     is_spiral = lay.name == "spiral"
     # a spiral deviates little from x2: the elements have a lay along x2, and `tangent` contains the deviation
     element_lay = Lay(name="x2") if is_spiral else lay
@@ -297,11 +301,11 @@ def cover_strip(cell_size: CellSize, lay: Lay) -> SealTiles:
 def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
     """Return the side lengths of tiles across and along the seal [m].
 
-    If the lay is along or across the seal, tiles have the shape of a cell. For any other lay they are squares with the
-    area of a cell.
+    If the lay is along or across the seal, the tiles have the shape of a cell. For any other lay, the tiles are squares
+    with the area of a cell.
 
     size : sides of a cell along x1 and x2 [m].
-    along, across : names of the lays along and across the seal.
+    along, across : names of the lays that are parallel and perpendicular to the seal, such as "x2" and "x1" on a strip.
     """
     if lay.name in (along, "spiral"):
         return size
@@ -312,11 +316,11 @@ def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
 
 
 def _row_count(breadth: float, side: float, name: str, given: float) -> int:
-    """Return the number of tiles between inlet and outlet; raise InputError if there are too many.
+    """Return the number of tiles between inlet and outlet; raise InputError if the number is too large.
 
-    breadth : breadth of the seal [m].
-    side : side of a tile across the seal [m].
-    name, given : name and value [m] of the parameter that determines the breadth, for the message.
+    breadth : width of the seal from inlet to outlet [m].
+    side : side length of a tile across the seal [m].
+    name, given : name and value [m] of the parameter that determines the width of the seal, for the message.
     """
     rows = max(1, round(breadth / side))
     if rows > MOST_ROWS:
@@ -329,7 +333,7 @@ def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     """Cover a ring between two radii [m] with tiles, beginning at the inlet.
 
     The mesh of the ring has the coordinates (|ln r/r₀|, θ), where r₀ is the radius of the inlet. Raises InputError if
-    the ring is narrower than a cell, or so small that its innermost tiles are much narrower than a cell.
+    the ring is narrower than a cell, or if the innermost tiles of a small ring are much narrower than a cell.
     """
     inner, outer = radii
     # sides of the tiles across and along the seal
@@ -343,7 +347,7 @@ def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     all_columns = max(FEWEST_COLUMNS, round(2 * pi * middle / d2))
     warnings = _check_innermost_tiles(inner, all_columns, d2)
     is_spiral = lay.name == "spiral"
-    # a part of the ring can stand for the whole only if the lay does not vary around it
+    # a part of the ring can stand for the whole ring only if the lay does not vary around the ring
     columns = all_columns
     if is_spiral or lay.name in ("radial", "circumferential"):
         columns = cell_size.covered_columns(rows, all_columns)
@@ -378,10 +382,11 @@ def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
 
 
 def _check_innermost_tiles(inner: float, columns: int, side: float) -> tuple[str, ...]:
-    """Warn if the tiles at the inner radius [m] are narrow; raise InputError if they are very narrow.
+    """Warn if the tiles at the inner radius are narrower than cells; raise InputError if they are much narrower.
 
+    inner : inner radius of the ring [m].
     columns : number of tiles around the ring.
-    side : side of a tile along the seal at the mean radius [m].
+    side : side length of a cell along the ring [m].
     """
     relative_width = 2 * pi * inner / (columns * side)
     count = counted(columns, "column")
@@ -389,21 +394,23 @@ def _check_innermost_tiles(inner: float, columns: int, side: float) -> tuple[str
         f"a ring with {count} of tiles, {relative_width:.0%} as wide as cells at its inner radius"
     )
     if relative_width < _NARROWEST:
-        expected = f"at least {_NARROWEST:.0%}; a mesh has none of them"
+        expected = f"at least {_NARROWEST:.0%}; a mesh can have tiles of equal width"
         raise InputError("inner_radius", given, expected)
     if relative_width < _NARROW:
-        return (f"{given}: tiles there are drawn too close together; a mesh has equal ones",)
+        return (
+            f"{given}: the tiles at the inner radius are too narrow; a mesh can have tiles of equal width",
+        )
     return ()
 
 
 class _RingGeometry(NamedTuple):
     """Hold the elements of a ring, in the coordinates of its mesh and in the plane of the seal.
 
-    rectangles : elements in the coordinates (|ln r/r₀|, θ), where r₀ is the radius of the inlet.
-    outlines : corners of the elements in the plane, (n, 4, 2) [m].
-    centres : centres of the elements in the plane, (n, 2) [m].
-    centre_radii : radii of these centres, (n,) [m].
-    mesh_axes : directions of the two mesh coordinates at the centres, as unit vectors in the plane, (n, axis, 2).
+    rectangles : rectangular elements in the mesh coordinates (|ln r/r₀|, θ), where r₀ is the radius of the inlet.
+    outlines : corners of the elements in the plane of the seal (n, 4, 2) [m].
+    centres : centres of the elements in the plane of the seal (n, 2) [m].
+    centre_radii : radii of the centres of the elements (n,) [m].
+    mesh_axes : for each element, unit vectors in the plane of the seal along the two mesh coordinates (n, axis, 2).
     """
 
     rectangles: Rectangles
@@ -414,12 +421,12 @@ class _RingGeometry(NamedTuple):
 
 
 def _ring_geometry(radii: Pair, inlet: str, cells: Shape, part: float) -> _RingGeometry:
-    """Divide a ring into rows of elements, which follow each other from the inlet to the outlet.
+    """Divide a ring, or a part of a ring, into rows and columns of elements; the first row is at the inlet.
 
     radii : inner and outer radius [m].
-    inlet : "inner" or "outer".
+    inlet : radius at which the fluid enters, "inner" or "outer".
     cells : numbers of rows and columns.
-    part : fraction of the circumference that the columns cover.
+    part : fraction of the circumference that is divided into columns.
     """
     rows, columns = cells
     # 1 if the radius increases in the direction of the flow, −1 if it decreases
@@ -434,7 +441,7 @@ def _ring_geometry(radii: Pair, inlet: str, cells: Shape, part: float) -> _RingG
     vertex_radii, vertex_directions = _radius_and_direction(mesh.p, inlet_radius, sign)
     vertices = (vertex_radii * vertex_directions).T  # in the plane, (vertex, 2)
     outlines = vertices[mesh.t.T]  # (element, corner, 2)
-    # the mesh coordinates of a centre are the means of those of the corners, (2, element)
+    # the mesh coordinates of a centre are the means of the mesh coordinates of the corners, (2, element)
     centre_coordinates = mesh.p[:, mesh.t].mean(axis=1)
     centre_radii, outward = _radius_and_direction(centre_coordinates, inlet_radius, sign)
     centres = (centre_radii * outward).T
@@ -448,7 +455,9 @@ def _ring_geometry(radii: Pair, inlet: str, cells: Shape, part: float) -> _RingG
 def _radius_and_direction(points: Array, inlet_radius: float, sign: float) -> tuple[Array, Array]:
     """Return the radius (n,) [m] and the radial unit vector (2, n) at points (2, n) of the mesh of a ring.
 
-    The coordinates of the points are (|ln r/r₀|, θ). sign : 1 if the inlet is the inner radius, −1 if the outer.
+    points : mesh coordinates (|ln r/r₀|, θ) of the points, where r₀ is the inlet radius.
+    inlet_radius : radius r₀ of the inlet [m].
+    sign : 1 if the inlet is at the inner radius, −1 if the inlet is at the outer radius.
     """
     outward = np.array([np.cos(points[1]), np.sin(points[1])])
     return inlet_radius * np.exp(sign * points[0]), outward
@@ -457,7 +466,7 @@ def _radius_and_direction(points: Array, inlet_radius: float, sign: float) -> tu
 def cover_mesh(
     cell_size: CellSize, lay: Lay, mesh_seal: MeshSeal, length: float | None, centre: Pair
 ) -> SealTiles:
-    """Cover a mesh with tiles. Elements that are smaller than a cell share a tile with their neighbours.
+    """Cover a mesh with tiles. Neighbouring elements share a tile if they are smaller than a cell.
 
     Parameters
     ----------
@@ -468,7 +477,7 @@ def cover_mesh(
     mesh_seal : MeshSeal
         Seal on a mesh.
     length : float or None
-        Length of the seal [m]; None to take the length of the outlet.
+        Length of the seal [m]; None to use the length of the outlet.
     centre : tuple of two float
         Centre of a radial or circumferential lay [m].
     """
@@ -492,10 +501,11 @@ def cover_mesh(
 
 
 def _large_elements(outlines: Array, cell_size: Pair, unit: str) -> tuple[str, ...]:
-    """Warn if elements are much larger than cells, because each element takes the permeability of a single cell.
+    """Warn if elements of a mesh are much larger than cells of the surface.
 
-    The scatter of the leakage is inversely proportional to the square root of the number of independent tiles. If the
-    elements are N times as large as a cell, the scatter is therefore √N times as large as it should be.
+    Each element takes the permeability of a single cell. The standard deviation of the leakage is inversely
+    proportional to the square root of the number of independent tiles. If the area of the elements is N times the area
+    of a cell, the standard deviation is therefore too large by the factor √N.
 
     Parameters
     ----------
@@ -523,20 +533,20 @@ def _large_elements(outlines: Array, cell_size: Pair, unit: str) -> tuple[str, .
 
 
 def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
-    """Make a periodic strip of rectangular tiles.
+    """Create a periodic strip of rectangular tiles.
 
-    A periodic mesh needs at least `FEWEST_COLUMNS` columns. A strip with fewer columns is repeated along its length,
-    and the repeated elements belong to the same tiles.
+    A periodic mesh needs at least `FEWEST_COLUMNS` columns. If the strip has fewer columns, the mesh contains several
+    copies of the strip along its length. The copies of an element belong to the same tile.
 
-    size : breadth and length [m].
+    size : width and length of the strip [m].
     cells : numbers of rows and columns of tiles.
-    lay : unit vector along the lay in each tile, (tiles, 2).
+    lay : unit vector along the lay for each tile (tiles, 2).
     """
     repetitions = -(-FEWEST_COLUMNS // cells[1])  # rounded up
     n1, n2 = cells[0], repetitions * cells[1]
     repeated_size = size[0], repetitions * size[1]
     strip = Rectangles(np.linspace(0.0, size[0], n1 + 1), repeated_size[1], n2)
-    # number of the tile of each element, row by row; the rows of tile numbers are repeated like the columns
+    # index of the tile of each element, row by row; the indices are repeated in the same way as the columns
     tile = np.tile(np.arange(n1 * cells[1]).reshape(cells), (1, repetitions)).ravel()
     axes = _axes(lay[tile])
     seal = ElementSeal(strip.mesh, *strip.ends, repeated_size, strip.outlines, axes, strip)

@@ -217,7 +217,7 @@ class FaceResult(Shown):
 
     @property
     def method(self) -> str:
-        """Name of the study: "two-scale" if the result contains cells, otherwise "deterministic"."""
+        """Name of the study, "two-scale" for a result with cells and "deterministic" for a result without cells."""
         return "deterministic" if self.cells is None else "two-scale"
 
     @property

@@ -234,7 +234,7 @@ class TestFieldOfACase:
         [
             (
                 {"length_unit": "um"},
-                r"load.map.field: given x 0 to 6e-08 m.* expected one that covers the seal",
+                r"load.map.field: given x 0 to 6e-08 m.* expected a pressure field that covers the seal",
             ),
             ({"length_unit": "kg"}, "load.map.length_unit: given '1 kg'"),
             ({"pressure_unit": "mm"}, "load.map.pressure_unit: given '1 mm'"),

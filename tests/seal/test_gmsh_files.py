@@ -42,7 +42,10 @@ def test_files_of_gmsh(tmp_path):
         path, r"none of whose lines is in its physical groups inlet, outlet, .*Mesh.SaveAll = 0"
     )
     write(path, tags=(0, 0, 3), names={"seal": NAMES["seal"]})
-    refused(path, "the name of a boundary of the mesh: '0'; name them: in gmsh by physical groups")
+    refused(
+        path,
+        "the name of a boundary of the mesh: '0'; name the boundaries: in gmsh by physical groups",
+    )
 
 
 @pytest.mark.parametrize("version", [2.2, 4.1])

@@ -357,7 +357,7 @@ RAISED = np.where(np.arange(18).reshape(6, 3) == 2, 1, CORNERS)
         (meshio.Mesh(RAISED, [QUAD]), "with varying z, expected"),
         (
             meshio.Mesh(CORNERS, [QUAD]),
-            "^inlet: given 'inlet', .*the mesh: none; name them: in gmsh by physical groups of curves",
+            "^inlet: given 'inlet', .*the mesh: none; name the boundaries: in gmsh by physical groups of curves",
         ),
     ],
 )

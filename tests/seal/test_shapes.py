@@ -177,7 +177,7 @@ def test_lay_from_a_field(tmp_path):
     expected = Lay("circumferential").directions(at)
     assert np.abs((found * expected).sum(axis=1)).min() > np.cos(0.12)
     for key, shift, words in (
-        ("lay.vtu:s", 0.0, "'s' of .*one of its fields: 't'"),
+        ("lay.vtu:s", 0.0, "'s' of .*one of the fields in the file: 't'"),
         ("no.vtu:t", 0.0, "an existing mesh file"),
         (
             "lay.vtu:t",

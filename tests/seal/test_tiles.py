@@ -243,7 +243,7 @@ def test_the_flux_carries_the_leakage(tiles):
 def test_faults_of_sizes():
     with pytest.raises(InputError, match="at least as wide as a cell"):
         ring(outer=1e-3 + 0.5 * A)
-    with pytest.raises(InputError, match="a mesh has none of them"):
+    with pytest.raises(InputError, match="a mesh can have tiles of equal width"):
         ring(inner=1e-5)
     with pytest.raises(InputError, match="cross it within a turn"):
         wide(lay={"kind": "spiral", "lead": 5 * A})
