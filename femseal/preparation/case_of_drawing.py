@@ -144,7 +144,7 @@ class Drawing:
 
     @property
     def surface_hardness(self) -> float:
-        """Hardness at the surface of the softer face [Pa], which is the hardness of the plating if there is a plating."""
+        """Hardness at the surface of the softer face [Pa], which is the hardness of the plating if the face has one."""
         return self.hardness if self.plating is None else self.plating.hardness
 
     @property

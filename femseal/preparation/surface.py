@@ -292,7 +292,7 @@ def _joint_instrument(
 def _choose_points(case: Case, level: Surface, instrument: Instrument) -> Shape:
     """Choose the numbers of grid points along x1 and x2, for all patches side by side along x2.
 
-    There are four cases:
+    The numbers of points are chosen as follows:
 
     - If the case contains the key `surface.points`, the key determines the numbers of points of a single patch.
     - If the spectrum is continued, the shortest wavelength of the continuation determines the grid.

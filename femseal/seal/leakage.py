@@ -48,8 +48,8 @@ def pressure_dependent_flow(
     Returns
     -------
     flow : DarcyFlow
-        Flow for a difference of 1 between inlet and outlet in the potential φ of viscous flow. The field
-        `flow.potential` is scaled in the same way: 1 at the inlet and 0 at the outlet.
+        Flow for a difference of 1 between inlet and outlet in the potential φ of viscous flow. The potential in the
+        field `flow.potential` is 1 at the inlet and 0 at the outlet.
     permeability : array
         Equivalent permeability of each element [m³]. The linear flow problem in φ with the equivalent permeabilities
         has the same solution as the nonlinear problem.
@@ -103,7 +103,8 @@ def _in_viscous_potential(
 ) -> DarcyFlow:
     """Convert a flow in the potential ψ to a flow in the potential φ of viscous flow.
 
-    Each of the two flows refers to a difference of 1 in its potential between inlet and outlet.
+    The given flow refers to a difference of 1 in ψ between inlet and outlet, the returned flow to a difference of 1 in
+    φ.
 
     rate : flow rate for a difference of 1 in ψ [m³].
     fraction : potential ψ at the points, scaled to 1 at the inlet and 0 at the outlet.

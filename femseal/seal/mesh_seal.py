@@ -43,10 +43,10 @@ _ROUNDING = 1e-12
 
 
 def first_overlap(mesh: Mesh) -> tuple[int, ...]:
-    """Find two overlapping elements, at least one of which is at the boundary of the mesh.
+    """Find an element at the boundary of the mesh that overlaps another element.
 
-    Two convex polygons do not overlap if one of them has an edge on whose normal their projections do not overlap
-    (separating axis theorem).
+    Overlaps are found by the separating axis theorem: two convex polygons do not overlap if their projections on the
+    normal of an edge do not overlap.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def first_overlap(mesh: Mesh) -> tuple[int, ...]:
     Returns
     -------
     tuple of int
-        Numbers of the two elements; empty if no elements overlap.
+        Indices of the two overlapping elements; empty if no elements overlap.
     """
     corners = mesh.p.T[mesh.t.T]  # (element, corner, 2)
     x_min, y_min = corners.min(axis=1).T

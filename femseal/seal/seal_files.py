@@ -222,8 +222,8 @@ def _has_tag(data: Any, tag: int) -> bool:
 def _named_lines(data: Any) -> dict[str, Indices]:
     """Return the end nodes (m, 2) of the lines of each named boundary.
 
-    If the file contains a cell set with the name of the boundary, the lines in this cell set are returned. Otherwise,
-    the lines with the number of the boundary are returned.
+    If the file contains a cell set with the name of the boundary, the lines in this cell set are returned; if not, the
+    lines with the number of the boundary are returned.
     """
     named: dict[str, list[Indices]] = {}  # end nodes (m, 2) of the lines, in one or several arrays
     for name, members in data.cell_sets.items():

@@ -70,7 +70,7 @@ class CodeDescription:
 
     def __init__(self) -> None:
         self._numbers: dict[int, int] = {}
-        # Keeps a reference to each numbered object. Otherwise, a new object could get the id of a deleted object.
+        # Keeps a reference to each numbered object, because a new object could get the id of a deleted object.
         self._numbered: list[Any] = []
 
     def __call__(self, value: Any) -> Any:

@@ -3,7 +3,8 @@
 `deterministic` solves contact and flow on all pixels of the surface. `two_scale` also solves the flow through each cell
 of the surface. `by_blocks` solves a surface that is too large for the memory of the machine block by block.
 `stochastic` solves seals of any size and shape, whose tiles take random cells of the surface. All studies take a
-`Scene`. Each study is an entry of `STUDIES`, by which a run solves it, forecasts its cost and compares its result.
+`Scene`. The dictionary `STUDIES` describes each study: how a run solves the study, forecasts its cost and compares its
+result.
 
     face_study          deterministic and two-scale study
     cell_states         cells of a surface at tabulated pressures, and leakage of its measured patches

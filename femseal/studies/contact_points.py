@@ -22,8 +22,8 @@ from .rough_layer import RoughLayer
 #: Relative change of the pressures at which the iteration has converged, and largest number of iterations.
 _RTOL, _MOST_ITERATIONS = 1e-5, 5000
 #: The slope of the energy along a step of the iteration changes its sign if the step is too long. A slope at the end of
-#: up to this fraction of the slope at the start is accepted. Otherwise, a shorter step is computed with the same
-#: relative accuracy.
+#: up to this fraction of the slope at the start is accepted. If the slope at the end is larger, a shorter step is
+#: computed with the same relative accuracy.
 _OVERSHOT = 0.1
 #: Error of the uniform part of the pressure, as a fraction of the mean pressure.
 _UNIFORM_TOLERANCE = 1e-3

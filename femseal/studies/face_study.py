@@ -30,7 +30,8 @@ STATE_BYTES = 12.125
 #: Memory of a pixel of a result [byte], which also contains the fluid pressure.
 RESULT_BYTES = 16.125
 #: Memory for each pixel while contact and flow of a step are solved [byte], and memory that the contact solver keeps
-#: for its next solution on surfaces of up to `KEPT_POINTS`. Both were measured on 512² to 4096² pixels.
+#: for its next solution on surfaces of up to `KEPT_POINTS`. The two numbers were measured on surfaces with 512² to
+#: 4096² pixels.
 _SOLUTION_BYTES, _KEPT_BYTES = 130.0, 130.0
 
 

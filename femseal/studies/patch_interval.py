@@ -2,7 +2,7 @@
 
 The intervals are calibrated with simulated surfaces whose true leakage is known. The file `interval_calibration.csv`
 contains, for every load step of these surfaces, the leakage of the whole surface (the true leakage) and the leakage
-that was computed from a patch of the surface. The file distinguishes four kinds of computation:
+that was computed from a patch of the whole surface. The file distinguishes four kinds of computation:
 
 - "in order": the seal is made of the cells of a patch in their original order.
 - "at random": each tile of the seal takes a random cell of a patch.
@@ -15,12 +15,12 @@ steps. For a newly computed leakage, the distance from ln(leakage) to an end of 
 multiplied by a quantile of the scores of the same kind of computation. The lower and the upper end of the interval have
 separate quantiles, because positive and negative errors differ in size.
 
-The load steps of one simulated scene have similar errors. Therefore only whole scenes are regarded as independent of
-each other. In the quantile, each of the n scenes of the calibration set has the weight 1/(n + 1), divided equally among
-its load steps. The last share 1/(n + 1) of the weight belongs to the scene to be predicted, whose scores may be higher
-than all scores of the calibration set. With 95 % intervals for new scenes of the same population, the true leakage lies
-below the lower end of the interval at no more than 2.5 % of the load steps, and above the upper end at no more than
-2.5 %. This guarantee holds for any distribution of the errors.
+The load steps of one simulated scene have similar errors. Only whole scenes are regarded as independent of each other.
+In the quantile, each of the n scenes of the calibration set has the weight 1/(n + 1), divided equally among its load
+steps. The last share 1/(n + 1) of the weight belongs to the scene to be predicted, whose scores may be higher than all
+scores of the calibration set. With 95 % intervals for new scenes of the same population, the true leakage lies below
+the lower end of the interval at no more than 2.5 % of the load steps, and above the upper end at no more than 2.5 %.
+The limit of 2.5 % holds for any distribution of the errors.
 
 Sources of the method:
 
@@ -106,12 +106,13 @@ class Difficulty:
 
     - If the flow passes through few blocks (small N), a single patch is less representative of the whole surface.
     - In a very light contact (small A), only a few asperities carry the load, so that a single patch is less
-      representative than at a higher load. This influence has the coefficient l.
-    - The error of ln(leakage) grows with the contact fraction A. This influence has the coefficient g.
-    - The detour index F measures the flow through channels that lead from one cell to the next. This influence has the
-      coefficient d. In a seal with cells in order, the channels of the patch continue from one copy of the patch to the
-      next, so that the real seal may leak less than the computed one. In a seal with cells at random, the channels are
-      interrupted at the sides of the cells, so that the real seal may leak more than the computed one.
+      representative than at a higher load. The coefficient l describes the additional error in light contact.
+    - The error of ln(leakage) grows with the contact fraction A. The coefficient g describes how fast the error grows.
+    - The detour index F measures the flow through channels that lead from one cell to the next. The coefficient d
+      describes the additional error due to these channels. In a seal with cells in order, the channels of the patch
+      continue from one copy of the patch to the next, so that the real seal may leak less than the computed one. In a
+      seal with cells at random, the channels are interrupted at the sides of the cells, so that the real seal may leak
+      more than the computed one.
 
     Parameters
     ----------
@@ -279,8 +280,8 @@ def distances_to_truth(leakage: Array, truth: Array) -> tuple[Array, Array]:
     -------
     below, above : array (rows,)
         Smallest distance from ln(leakage) to the lower end of the interval (`below`) and to the upper end (`above`),
-        for which the interval contains the true leakage. A negative distance means that the true leakage lies on the
-        other side of the computed leakage.
+        for which the interval contains the true leakage. If the true leakage is above the computed leakage, the
+        distance `below` is negative; if it is lower, `above` is negative.
     """
     with np.errstate(divide="ignore"):
         # The lower end must not be above the true leakage. `IntervalWidths.ends` replaces a lower end below

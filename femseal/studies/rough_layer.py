@@ -1,6 +1,6 @@
 """Describe the roughness of a seal as a compliant layer whose thickness depends on the contact pressure.
 
-The thickness of the layer is the separation of the mean planes of the two rough surfaces. This separation is computed
+The thickness of the layer is the separation of the mean planes of the two rough surfaces. The separation is computed
 from the contact of the measured surface under several uniform pressures, on loading and on unloading. Between the
 computed pressures on loading, the separation is interpolated by a monotone cubic in the logarithm of the pressure,
 because the separation of rough surfaces decreases about linearly with the logarithm of the pressure (Persson, Phys.
@@ -72,7 +72,7 @@ class RoughLayer:
     def of(
         cls, scene: Scene, mapper: Mapper, boundary: tuple[str, str] = ("periodic", "periodic")
     ) -> RoughLayer:
-        """Solve the contact of the rough surface of a scene under uniform pressures, and make the layer from it."""
+        """Compute the rough layer from the contact of the surface of a scene under uniform pressures."""
         programme, gaps = solve_layer_states(
             scene, attrgetter("contact.mean_gap"), mapper, boundary
         )
@@ -115,7 +115,7 @@ class RoughLayer:
         """Return the separation s [m] and ds/dp [m/Pa] on loading, at the pressures p (points,) [Pa]."""
         surface = self.surface_number
         first, last = self.pressure[[1, -1]]
-        # between the first two pressures, of which the lower one is 0, and beyond the last one: a straight line
+        # a straight line below the first pressure that is not 0, and another straight line above the last pressure
         inside = np.clip(p, first, last)
         x = np.log(inside)
         nodes = np.log(self.pressure[1:])
@@ -140,8 +140,8 @@ class RoughLayer:
     def _node_slopes(self) -> Array:
         """Derivative of the separation s [m] with respect to the logarithm of the pressure (surfaces, n − 1).
 
-        The derivatives belong to all tabulated pressures on loading except pressure 0. They make the interpolating
-        cubic monotone (PCHIP; Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300).
+        The derivatives belong to all tabulated pressures on loading except pressure 0. With these derivatives, the
+        interpolating cubic is monotone (PCHIP; Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300).
         """
         nodes = np.log(self.pressure[1:])
         curve = PchipInterpolator(nodes, self.separation[:, 1:], axis=1)
@@ -195,10 +195,10 @@ def solve_layer_states(
 ) -> tuple[LoadProgramme, list[Any]]:
     """Solve the contact of the rough surface without fluid, under increasing uniform pressures.
 
-    The highest of these pressures is `HIGHEST_PRESSURE` times the pressure that the surface can carry. The lowest
-    pressure is a thousandth of the smaller of two pressures: the pressure that the surface can carry, and the pressure
-    at which points yield for the first time. If the surface yields and the load programme of the scene contains
-    unloading, unloading from several pressures is solved as well.
+    The highest pressure is `HIGHEST_PRESSURE` times the pressure that the surface can carry. The lowest pressure is a
+    thousandth of the smaller of two pressures: the pressure that the surface can carry, and the pressure at which
+    points yield for the first time. If the surface yields and the load programme of the scene contains unloading,
+    unloading from several pressures is solved as well.
 
     Parameters
     ----------
@@ -220,7 +220,8 @@ def solve_layer_states(
         What the function `take` returned for each step of the load programme.
     """
     law = scene.law
-    # An elastic surface can carry any pressure. Its highest pressure is about a tenth of the contact modulus.
+    # An elastic surface can carry any pressure. For an elastic surface, the highest pressure is about a tenth of the
+    # contact modulus.
     capacity = min(law.capacity, 0.1 * scene.surface_modulus)
     loading = HIGHEST_PRESSURE * _layer_pressures(min(law.mean_hardness, capacity), capacity)
     has_unloading = any(step.unloaded_from is not None for step in scene.steps)

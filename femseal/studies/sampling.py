@@ -159,10 +159,10 @@ def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
     A pressure path is the sequence of the pressures of a tile at all load steps. If there are too many different
     pressure paths, the pressures are rounded, so that similar paths become equal. The cube roots of the pressures are
     rounded to equidistant values, because the logarithm of the permeability is nearly linear in the cube root of the
-    pressure. The distance of these values is increased until there are no more than `MOST_PATHS` paths
-    (`MOST_OF_SEVERAL` paths with several pressure maps for different loads). The pressure of a path is the mean
-    pressure of the tiles that share this path. In tests with two pressure maps, the limit of 512 paths changed the
-    leakage by less than 3e-4.
+    pressure. The distance between the rounded values is increased until the number of paths is at most `MOST_PATHS`
+    (`MOST_OF_SEVERAL` with several pressure maps for different loads). The pressure of a path is the mean pressure of
+    the tiles that share this path. In tests with two pressure maps, the limit of 512 paths changed the leakage by less
+    than 3e-4.
 
     Parameters
     ----------
@@ -295,7 +295,7 @@ class TileFluid:
     def of(cls, scene: Scene) -> TileFluid:
         """Choose the fluid pressures at which the cells of a scene are computed.
 
-        There are three cases:
+        The fluid pressures are chosen as follows:
 
         - If the flow law depends on the fluid pressure, the fluid pressures of the flow law are used.
         - If the fluid pressure acts on the surfaces and falls from inlet to outlet, `FLUID_PRESSURES` pressures between

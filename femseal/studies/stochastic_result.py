@@ -97,7 +97,8 @@ def find_median_realisation(leakage: Array) -> int | None:
 
     The distance of a realisation from the median is the mean of |ln(leakage/median leakage)| over the load steps. The
     mean does not include load steps at which all realisations failed or the median leakage is negligible. The median
-    realisation is not defined if all realisations are sealed, or if each realisation failed at some of the other steps.
+    realisation is not defined if all realisations are sealed, or if every realisation failed at some load step at which
+    other realisations were solved.
 
     leakage : leakage of each realisation at each load step (realisations, steps).
     """
@@ -235,7 +236,7 @@ class StochasticResult(Shown):
 
     @property
     def realisation_spread(self) -> Array:
-        """Standard deviation of ln(leakage) of the leaking realisations (steps,); NaN for fewer than two of them."""
+        """Standard deviation of ln(leakage) of the leaking realisations (steps,); NaN with fewer than two."""
         return at_every_step(self.leakage, _log_deviation)
 
     def has_too_few_for(self, *quantiles: float) -> bool:
