@@ -23,6 +23,7 @@ from ..materials import named_solid
 from ..named_fluids import TABLE_TEMPERATURE, RealGas, named_fluid
 from ..seal.seal_files import columns_of, read_columns
 from .faults import errors_in_table
+from .hot_hardness import hot_hardness_warnings
 from .quantity_types import Amount, in_si, unvalidated_value
 
 #: Table of a case before validation: texts and numbers by key.
@@ -62,8 +63,8 @@ def complete(data: RawTable) -> RawTable:
     """Return the tables of a case, completed as described at the top of this module.
 
     The entry `named_warnings` of the returned data contains warnings about renamed keys, about a method that follows
-    from the accuracy, and about properties that differ by more than a factor of `_ODD_RATIO` from the properties of a
-    named fluid or solid.
+    from the accuracy, about metals at high temperatures, and about properties that differ by more than a factor of
+    `_ODD_RATIO` from the properties of a named fluid or solid.
     """
     # Where the user has given another value instead of a table, an empty table takes its place here. At the end the
     # value is put back, so that the validation reports it.
@@ -72,6 +73,7 @@ def complete(data: RawTable) -> RawTable:
     warnings: list[str] = []
     data = _with_tables_for_methods(data, warnings)
     data = _with_present_face_keys(data, warnings)
+    warnings += hot_hardness_warnings(data)
     data = _with_complete_fluids(data, warnings)
     for table_key in ("material", "counter_material"):
         if table_key in data:

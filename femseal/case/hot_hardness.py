@@ -1,0 +1,63 @@
+"""Warn if the fluid is hot, but the hardness of a solid is that of a named metal at room temperature."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from ..base import InputError, to_text
+from ..materials import named_solid
+from .quantity_types import unvalidated_value
+
+#: Temperature of the fluid above which the hardness at room temperature is doubtful [K], a choice of this package.
+_HOT = 273.15 + 100
+#: Largest relative difference from the hardness of the named metal at which a stated hardness counts as this hardness.
+#: Cases from drawings state it with three digits.
+_ROUNDING = 0.01
+#: Keys with which a case states a strength of its own, except `hardness`.
+_STRENGTHS = ("yield_stress", "hardness_table", "hardness_over_yield")
+
+
+def hot_hardness_warnings(data: dict[str, Any]) -> Iterator[str]:
+    """Warn about solids whose hardness is that of a named metal at room temperature, although the fluid is hot.
+
+    data : tables of a case before they are completed and validated. Invalid values are ignored.
+    """
+    temperature = unvalidated_value(data.get("fluid", {}), "temperature", "K", 0.0)
+    if temperature <= _HOT:
+        return
+    for table_key in ("material", "counter_material"):
+        solid = data.get(table_key, {})
+        if not isinstance(solid, dict):
+            continue
+        yield from _warn(solid, table_key, temperature)
+        coating = solid.get("coating")
+        if isinstance(coating, dict):
+            yield from _warn(coating, f"{table_key}.coating", temperature)
+
+
+def _warn(solid: dict[str, Any], table_key: str, temperature: float) -> Iterator[str]:
+    """Warn if the hardness of a solid is that of its named metal at room temperature.
+
+    Parameters
+    ----------
+    solid : table of the solid or coating.
+    table_key : key of the table in the case.
+    temperature : temperature of the fluid [K].
+    """
+    if "name" not in solid or any(key in solid for key in _STRENGTHS):
+        return
+    try:
+        metal = named_solid(solid["name"])
+    except InputError:
+        return  # the completion of the case reports the unknown name
+    assert metal.hardness is not None
+    hardness = unvalidated_value(solid, "hardness", "Pa", metal.hardness)
+    if abs(hardness / metal.hardness - 1) > _ROUNDING:
+        return
+    celsius = f"{temperature - 273.15:.4g} °C"
+    yield (
+        f"The hardness of {solid['name']} is that at 20 °C, but the fluid is at {celsius}: a hot metal is "
+        "softer, so that it seals at a lower load, but is squeezed out earlier and creeps. "
+        f"Set {table_key}.hardness to the hardness at this temperature instead of {to_text(hardness, 'Pa', 3)}"
+    )
