@@ -11,7 +11,8 @@ from femseal.base import InputError
 from femseal.case.reading import parse_case
 from femseal.materials import METALS
 from femseal.preparation import case_of_drawing as drawing
-from femseal.preparation.case_of_drawing import QUESTIONS, case_of_drawing, read_drawing
+from femseal.preparation.case_of_drawing import case_of_drawing
+from femseal.preparation.drawing import QUESTIONS, read_drawing
 from femseal.preparation.drawing_check import drawing_text, drawing_warnings
 from femseal.preparation.preparation import prepare
 from femseal.preparation.surface import condition_surface
