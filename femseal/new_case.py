@@ -131,7 +131,7 @@ def new(
         raise InputError("--from", "together with --drawing", "either --from or --drawing")
     if drawing:
         from .preparation.case_of_drawing import case_of_drawing
-        from .preparation.drawing import read_drawing
+        from .preparation.drawing_values import read_drawing
 
         is_terminal = sys.stdin.isatty() and sys.stdout.isatty()
         text = case_of_drawing(read_drawing(stated, _ask if is_terminal else None))

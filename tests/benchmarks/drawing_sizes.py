@@ -16,7 +16,7 @@ import numpy as np
 import femseal as fs
 from femseal.case.reading import parse_case
 from femseal.preparation.case_of_drawing import case_of_drawing
-from femseal.preparation.drawing import read_drawing
+from femseal.preparation.drawing_values import read_drawing
 
 DRAWING = {
     "ra": "1.6um",

@@ -9,7 +9,7 @@ from femseal.case import case_schema, parse_case
 from femseal.contact import HardnessTable, NixGao, PerfectlyPlastic
 from femseal.materials import METALS, named_solid
 from femseal.preparation import prepare
-from femseal.preparation.drawing import read_drawing
+from femseal.preparation.drawing_values import read_drawing
 
 YOUNG = {"young": "210 GPa"}
 ROWS = [["0 um", "1 GPa"], ["0.5 um", "1.4 GPa"], ["2 um", "1.6 GPa"]]

@@ -12,8 +12,8 @@ from femseal.case.reading import parse_case
 from femseal.materials import METALS
 from femseal.preparation import case_of_drawing as drawing
 from femseal.preparation.case_of_drawing import case_of_drawing
-from femseal.preparation.drawing import QUESTIONS, read_drawing
 from femseal.preparation.drawing_check import drawing_text, drawing_warnings
+from femseal.preparation.drawing_values import QUESTIONS, read_drawing
 from femseal.preparation.preparation import prepare
 from femseal.preparation.surface import condition_surface
 from femseal.topography.profile_roughness import long_wave_filter, profile_roughness
