@@ -3,7 +3,7 @@
 plausibility     Warnings about a scene and its solution. Every study calls `result_warnings`.
 quick_estimate   Contact and leakage from the spectrum of the surface alone.
 flow_limits      Warnings about flow outside of the model: choked flow, inertia, gases that are not ideal.
-coatings         Warnings if a coating is thin compared with the roughness or with the plastic deformation.
+coatings         Warnings if a coating is thin compared with roughness, plastic deformation or contact patches.
 form_effect      Effects of the curvature and of the longest waves of a measured patch on its leakage.
 """
 
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from .coatings import coating_depth_warnings
+    from .coatings import coating_depth_warnings, constrained_hardness_ratio
     from .flow_limits import choked_flux, flow_warnings, gas_warnings
     from .form_effect import FormEffect, solve_form_effect
     from .plausibility import line_contact_warnings, result_warnings, scene_warnings

@@ -1,18 +1,25 @@
-"""Check the plausibility of coatings: their roughness, and the depth to which they yield."""
+"""Check the plausibility of coatings: their roughness, the depth to which they yield, and their constraint."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import isfinite
+from math import inf, isfinite
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from ..base import Array, to_text
+from ..materials import HARDNESS_FACTOR, RING_YIELD, Coated, Solid
 from ..scene import Scene
 
 #: Ratio of the rms height of a surface to the thickness of a coating above which a warning is given. At this ratio, the
 #: heights, which range over about ±3 rms heights, extend over two thicknesses.
 _LARGEST_ROUGHNESS = 1 / 3
+#: Rise of the hardness of a coating by constraint from which a warning is given. At this ratio, the leakage in
+#: `docs/evidence/coatings.md` is 1.5 to 3.4 times as large.
+_LEAST_RISE = 1.2
+#: Relative rounding error up to which two values of the hardness are the same.
+_ROUNDING = 1e-9
 
 
 def roughness_of_coating_warnings(scene: Scene) -> Iterator[str]:
@@ -62,3 +69,103 @@ def coating_depth_warnings(scene: Scene, plastic_depth: Array | None) -> Iterato
         "Below the coating the hardness is that of the substrate, and the material that is squeezed aside is left out. "
         "Use a thicker coating, a smoother surface or a lower load"
     )
+
+
+def constrained_hardness_ratio(edge_distance: float, thickness: float) -> float:
+    """Estimate by how much hard bodies on both sides raise the hardness of a soft coating, from above.
+
+    The coating sticks to both bodies. On its way to the edge of a contact patch, squeezed material must overcome the
+    shear stress k on both faces, so that the pressure rises by 2k/d per length. For a patch of any shape, the mean
+    pressure is therefore 2k (1 + δ/d), with the mean distance δ of the points from the edge, the thickness d and
+    2k = (2/√3) σ_y. For strips of width w, δ = w/4 (slab method; Hosford & Caddell, Metal Forming, section 9.11). The
+    ratio refers to the hardness 2.8 σ_y without constraint, and is at least 1.
+
+    Parameters
+    ----------
+    edge_distance : float, m
+        Mean distance δ of the points that yield from the edge of their contact patch.
+    thickness : float, m
+        Thickness d of the coating.
+
+    Examples
+    --------
+    >>> strip_width, thickness = 10.0, 1.0
+    >>> round(constrained_hardness_ratio(strip_width / 4, thickness), 2)
+    1.44
+    """
+    mean_pressure = RING_YIELD * (1 + edge_distance / thickness)  # over the yield stress
+    return max(1.0, mean_pressure / HARDNESS_FACTOR)
+
+
+def constraint_warnings(scene: Scene, leakage: Array, edge_distance: Array | None) -> Iterator[str]:
+    """Warn if the contact patches are so wide that the bodies on both sides constrain a soft coating.
+
+    Parameters
+    ----------
+    scene : Scene
+        The surface, its load and its coatings.
+    leakage : array (steps,)
+        Leakage in any unit, NaN where it is unknown.
+    edge_distance : array (steps,) or None
+        Mean distance of the points that yield from the edge of their contact patch [m], NaN where it is unknown.
+    """
+    thickness, hardness_of_neighbour = _soft_layer(scene)
+    if thickness == 0 or edge_distance is None or not np.isfinite(edge_distance).any():
+        return
+    step = int(np.nanargmax(edge_distance))
+    distance = float(edge_distance[step])
+    hardness = float(np.min(scene.law.yield_pressure()))
+    # a pressure above the hardness of a neighbouring body would squeeze this body instead of the coating
+    rise = min(constrained_hardness_ratio(distance, thickness), hardness_of_neighbour / hardness)
+    if rise < _LEAST_RISE:
+        return
+    load = scene.steps[step]
+    yield (
+        f"The seal may leak more than computed: at {load.name} it may leak as much as is computed for "
+        f"{to_text(load.pressure / rise, 'Pa', 3)}{_leakage_text(scene, leakage, step, rise)}. The coating is thin "
+        "compared with the contact patches, and the bodies on both sides hinder its flow to the edges. This raises its "
+        f"hardness by a factor of up to {rise:.2g}: the points that yield are {to_text(distance, 'm', 3)} from the "
+        f"edge of their patch on average, and the coating is {to_text(thickness, 'm', 3)} thick. To see the effect, set "
+        f"its hardness to {to_text(rise * hardness, 'Pa', 3)}; a thicker coating is less constrained"
+    )
+
+
+def _soft_layer(scene: Scene) -> tuple[float, float]:
+    """Return the thickness of the coatings that yield [m], and the hardness of the softer body beside them [Pa].
+
+    A coating yields if it is not harder than the contact law. The thickness is 0 if no coating yields.
+    """
+    hardness = float(np.min(scene.law.yield_pressure()))
+    thickness, hardness_of_neighbour = 0.0, inf
+    if isinstance(scene.modulus, float) or not isfinite(hardness):
+        return thickness, hardness_of_neighbour
+    for body in scene.modulus:
+        solid = body
+        if isinstance(body, Coated):
+            solid = body.layer
+            if _hardness(body.layer) <= hardness * (1 + _ROUNDING):
+                thickness += body.thickness
+                solid = body.substrate
+        hardness_of_neighbour = min(hardness_of_neighbour, _hardness(solid))
+    return thickness, hardness_of_neighbour
+
+
+def _hardness(solid: Solid | None) -> float:
+    """Return the hardness of a solid [Pa]; it is infinite for a rigid body, and for a solid that does not yield."""
+    if solid is None or solid.hardness is None:
+        return inf
+    return solid.hardness
+
+
+def _leakage_text(scene: Scene, leakage: Array, step: int, rise: float) -> str:
+    """Describe how much more leaks under a load that is `rise` times lower, by interpolation between loading steps."""
+    leaks = scene.steps.on_loading & (np.abs(leakage) > 0)
+    if not leaks[step] or leaks.sum() < 2:
+        return ""
+    log_loads = np.log(scene.steps.pressures[leaks])
+    log_leakage = np.log(np.abs(leakage[leaks]))
+    log_load = np.log(scene.steps[step].pressure)
+    # below the lowest load, the line through the lowest two loads is extended
+    curve = make_interp_spline(log_loads, log_leakage, k=1)
+    ratio = float(np.exp(curve(log_load - np.log(rise)) - curve(log_load)))
+    return f", {ratio:.2g} times as much" if ratio > 1 else ""

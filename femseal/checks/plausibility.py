@@ -9,7 +9,7 @@ from ..base import Array, counted, to_text
 from ..fluids import leak_basis
 from ..materials import HARDNESS_FACTOR, LINE_CONTACT_YIELD, YOUNG_LIMITS
 from ..scene import Scene
-from .coatings import coating_depth_warnings, roughness_of_coating_warnings
+from .coatings import coating_depth_warnings, constraint_warnings, roughness_of_coating_warnings
 from .flow_limits import flow_warnings, gas_warnings
 from .quick_estimate import QuickEstimate
 
@@ -25,6 +25,7 @@ def result_warnings(
     mean_gap: Array,
     estimate: QuickEstimate | None,
     plastic_depth: Array | None = None,
+    edge_distance: Array | None = None,
 ) -> tuple[str, ...]:
     """Check a scene and its solution, and return a warning for each implausible value.
 
@@ -40,12 +41,16 @@ def result_warnings(
         Quick estimate from the spectrum of the surface, see `estimate_scene`; None if there is none.
     plastic_depth : array, (steps,), or None
         Largest plastic deformation [m]; estimated from the heights if None.
+    edge_distance : array, (steps,), or None
+        Mean distance of the points that yield from the edge of their contact patch [m], see
+        `contact.mean_edge_distance`; None or NaN where it is unknown.
     """
     texts = [*scene_warnings(scene)]
     if estimate is not None:
         texts += estimate.leakage_warnings(leakage, [step.name for step in scene.steps])
     texts += flow_warnings(scene, leakage, mean_gap)
     texts += coating_depth_warnings(scene, plastic_depth)
+    texts += constraint_warnings(scene, leakage, edge_distance)
     return tuple(texts)
 
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
         load_cycle,
         load_states,
     )
+    from .edge_distance import coating_edge_distance, mean_edge_distance
     from .half_space import HalfSpace
     from .hardness_curves import CoatedLaw, HardnessTable, NixGao, law_of_coating
     from .law import ContactLaw, LinearHardening, PerfectlyPlastic, contact_law, softer_of

@@ -192,7 +192,8 @@ class CoatedLaw(ContactLaw):
     coating of yield stress σ_y that sticks to both faces. In plane strain, the mean pressure on the strip is
     (2/√3) σ_y (1 + w/4d) (slab method, Hosford & Caddell, Metal Forming, section 9.11). The mean pressure on the strip
     exceeds the usual hardness 2.8 σ_y if w > 5.7 d: by 44 % for w = 10 d, and by a factor of 2.5 for w = 20 d. The
-    contact law of a single point cannot take the width w into account.
+    contact law of a single point cannot take the width w into account; a run warns if it matters, see
+    `checks.constrained_hardness_ratio`.
 
     Parameters
     ----------

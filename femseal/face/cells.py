@@ -288,6 +288,9 @@ class CellState:
         Reason why the flow through the whole surface is unknown, "" if it is known.
     carriers : float
         Number of blocks that effectively carry the flow through the whole surface, see `participation_number`.
+    edge_distance : float
+        Mean distance of the points that yield from the edge of their contact patch [m], see
+        `contact.mean_edge_distance`; NaN without a coating.
     """
 
     k: Array
@@ -304,6 +307,7 @@ class CellState:
     patches: Array | None = None
     flow_failure: str = ""
     carriers: float = np.nan
+    edge_distance: float = np.nan
 
     @classmethod
     def of(

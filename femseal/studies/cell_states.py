@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base import Array, Floats, Mapper, Pair, Shape, Shown
 from ..base.fields import CELL, PATCH, STATE, STEP, Field, declared
-from ..contact import LoadState
+from ..contact import LoadState, coating_edge_distance
 from ..face.cell_flow import (
     FaceFlow,
     Failed,
@@ -196,6 +196,9 @@ class FaceCells:
     surface_k2, cells_k2 : array (steps,), m³
         Permeability along x2 of the whole surface (`surface_k2`) and of the grid of cells (`cells_k2`), averaged over
         the measured patches. Both permeabilities are only needed if tiles take random cells; otherwise they are NaN.
+    edge_distance : array (steps,), m
+        Mean distance of the points that yield from the edge of their contact patch, see `contact.mean_edge_distance`;
+        NaN without a coating.
     failures : tuple of str
         One line for each failure of a flow solver.
     unsolved : tuple of (int, str)
@@ -208,6 +211,7 @@ class FaceCells:
     row_pressure: Array
     patches: PatchLeakage | None
     counts: SolveCounts
+    edge_distance: Array
     pressure: Array = declared("cell_pressure", "Pa", "contact pressure of cells", CELL)
     mean_gap: Array = declared("cell_mean_gap", "m", "mean gap of cells", CELL)
     contact_fraction: Array = declared(
@@ -360,6 +364,7 @@ def _solve_cells_of_state(
         failures=failures,
         flow_failure=getattr(flow_along_x1, "reason", ""),
         carriers=carriers,
+        edge_distance=coating_edge_distance(state.contact),
     )
 
 
@@ -414,6 +419,7 @@ def join_states(
         "row_pressure",
         "carriers",
         "surface_k2",
+        "edge_distance",
     )
     return FaceCells(
         steps,

@@ -13,7 +13,7 @@ from ..base import Array, InputError, Mapper, Shape, Shown, Singles, Stage
 from ..base.fields import PIXEL, ROW, STEP, declared
 from ..base.machine import give_back, lies_on_disk, one_at_a_time, shared_empty
 from ..checks import QuickEstimate, estimate_scene, result_warnings
-from ..contact import LoadState
+from ..contact import LoadState, coating_edge_distance
 from ..contact.workspace import KEPT_POINTS
 from ..face.cell_flow import FlowSettings, SolveCounts, attempt, drop_fractions, solve_surface_flow
 from ..face.cells import CellState, Cut
@@ -58,6 +58,9 @@ class FaceState:
         Number of linear systems that each solver solved.
     flow_failure : str
         Reason why the flow solver failed; "" if the flow was solved.
+    edge_distance : float, m
+        Mean distance of the points that yield from the edge of their contact patch, see `contact.mean_edge_distance`;
+        NaN without a coating.
     """
 
     gap: Singles
@@ -74,6 +77,7 @@ class FaceState:
     permeability: float
     solvers: SolveCounts
     flow_failure: str = ""
+    edge_distance: float = np.nan
 
     @classmethod
     def of(cls, state: LoadState, flow: FlowSettings) -> FaceState:
@@ -102,6 +106,7 @@ class FaceState:
             permeability=solution.permeability,
             solvers=getattr(solution, "solvers", SolveCounts()),
             flow_failure=getattr(solution, "reason", ""),
+            edge_distance=coating_edge_distance(contact),
         )
 
 
@@ -282,7 +287,12 @@ def _checked(scene: Scene, face: FaceResult) -> FaceResult:
     """Add the quick estimate and the plausibility warnings to a result."""
     estimate = estimate_scene(scene)
     warnings = result_warnings(
-        scene, face.leakage, face.mean_gap, estimate, plastic_depth=face.plastic_depth
+        scene,
+        face.leakage,
+        face.mean_gap,
+        estimate,
+        plastic_depth=face.plastic_depth,
+        edge_distance=np.array([state.edge_distance for state in face.states]),
     )
     return replace(face, warnings=warnings, quick_estimate=estimate)
 
@@ -417,4 +427,9 @@ def _solve_cells(state: FaceState, *, cut: Cut, flow: FlowSettings, blocks: Shap
     cell_flow = replace(flow, spiral=None)  # spiral grooves belong to the seal, not to its cells
     cells = CellState.of(gap, state.pressure, cut, cell_flow, plastic, dissipation)
     carriers = participation_number(dissipation, blocks)
-    return replace(cells, flow_failure=state.flow_failure, carriers=carriers)
+    return replace(
+        cells,
+        flow_failure=state.flow_failure,
+        carriers=carriers,
+        edge_distance=state.edge_distance,
+    )

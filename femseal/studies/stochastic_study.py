@@ -344,10 +344,22 @@ def _result_warnings(
     """Check the plausibility of the median leakage and, for a seal with a form deviation, of the contact pressure."""
     scene = supply.scene
     median_leakage = at_every_step(leakage, np.median)
-    warnings = result_warnings(scene, median_leakage, tile_gap, estimate)
+    warnings = result_warnings(
+        scene, median_leakage, tile_gap, estimate, edge_distance=_edge_distance(supply)
+    )
     if contact is not None and "row_pressure" in row_fields:
         warnings += line_contact_warnings(scene, row_fields["row_pressure"])
     return warnings
+
+
+def _edge_distance(supply: CellSupply) -> Array:
+    """Interpolate the mean edge distance [m] at the nominal pressures, on loading; NaN at other steps."""
+    cells, steps = supply.cells, supply.scene.steps
+    is_known = cells.steps.on_loading
+    interpolated = np.interp(
+        steps.pressures, cells.steps.pressures[is_known], cells.edge_distance[is_known]
+    )
+    return np.where(steps.on_loading, interpolated, np.nan)
 
 
 def _failures(supply: CellSupply, realisations: list[_Realisation]) -> tuple[str, ...]:

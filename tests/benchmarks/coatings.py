@@ -17,6 +17,7 @@ import numpy as np
 
 import femseal as fs
 from common import machine_and_time, print_report, table
+from femseal.checks import constrained_hardness_ratio
 from femseal.contact.law import contact_law
 from femseal.contact.layered import layer_factor
 
@@ -150,7 +151,11 @@ def cost():
 
 
 def constraint():
-    """Tabulate how the leakage of a turned surface on silver changes if the hardness of the silver is higher."""
+    """Tabulate how the leakage of a turned surface on silver changes with the hardness, and estimate the constraint.
+
+    Returns two tables. The first one shows the leakage with a higher hardness or a lower load. The second one shows the
+    size of the contact patches, and the rise of the hardness for several thicknesses.
+    """
     surface = fs.turned(
         (192, 384), (900e-6, 1.8e-3), pitch=150e-6, depth=5.9e-6, roughness=0.84e-6,
         roughness_roll_off=90e-6, feed_error=0.03, depth_error=0.1, rng=1,
@@ -158,8 +163,8 @@ def constraint():
     body = fs.Coated(INCONEL, SILVER, 30e-6)
     pressures = (20e6, 40e6, 60e6)
 
-    def leakage(factor):
-        """Compute the leakage at all pressures with the hardness multiplied by a factor."""
+    def solve_face(factor=1.0, load_factor=1.0):
+        """Solve the surface with the hardness and the load multiplied by factors."""
         scene = fs.Scene(
             surface=surface,
             modulus=(STEEL, body),
@@ -167,17 +172,28 @@ def constraint():
             fluid=fs.Liquid(viscosity=1e-3, density=1000.0),
             inlet_pressure=1e6,
             outlet_pressure=0.0,
-            loading=pressures,
+            loading=[load_factor * p for p in pressures],
         )
-        return np.abs(fs.deterministic(scene).leakage)
+        return fs.deterministic(scene)
 
-    plain = leakage(1.0)
+    plain = solve_face()
+
+    def ratios(face):
+        pairs = zip(np.abs(face.leakage), np.abs(plain.leakage), strict=True)
+        return [f"{a / b:.2f}" if b > 0 else "–" for a, b in pairs]
+
     rows = []
     for factor in (1.2, 1.44, 2.5):
-        raised = leakage(factor)
-        ratios = [f"{a / b:.2f}" if b > 0 else "–" for a, b in zip(raised, plain, strict=True)]
-        rows.append([f"{factor:g}", *ratios])
-    return table(["factor of the hardness", *(f"{p / 1e6:g} MPa" for p in pressures)], rows)
+        rows.append([f"hardness multiplied by {factor:g}", *ratios(solve_face(factor))])
+        rows.append([f"load divided by {factor:g}", *ratios(solve_face(1.0, 1 / factor))])
+    loads = [f"{p / 1e6:g} MPa" for p in pressures]
+    leakages = table(["change", *loads], rows)
+    distances = [state.edge_distance for state in plain.states]
+    rows = [["mean distance from the edge [µm]", *(f"{1e6 * d:.1f}" for d in distances)]]
+    for thickness in (30e-6, 10e-6, 5e-6, 3e-6, 1e-6):
+        rises = [f"{constrained_hardness_ratio(d, thickness):.2f}" for d in distances]
+        rows.append([f"rise for a thickness of {1e6 * thickness:g} µm", *rises])
+    return leakages, table(["", *loads], rows)
 
 
 def main():
@@ -185,6 +201,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--write", action="store_true", help="write the report beside the script")
     options = parser.parse_args()
+    leakages, rises = constraint()
     text = [
         "## Closed forms\n\nS is the compliance of a coated body, divided by the compliance of a half-space of the layer's "
         "material, as a function of "
@@ -199,9 +216,13 @@ def main():
         "The surface is unloaded to half of the pressure.",
         cost(),
         "## Constraint\n\nA turned steel surface (Ra 1.6 µm, feed 150 µm) is pressed against a silver coating with a "
-        "thickness of 30 µm and a hardness of 265 MPa. The table shows the leakage with the hardness multiplied "
-        'by a factor, divided by the leakage with the original hardness. "–" means that the surface is sealed with the original hardness.',
-        constraint(),
+        "thickness of 30 µm and a hardness of 265 MPa. The table shows the leakage with the hardness multiplied by a "
+        "factor, or with the load divided by this factor, divided by the leakage with the original hardness and load. "
+        '"–" means that the surface is sealed with the original hardness and load.',
+        leakages,
+        "The next table shows the mean distance of the points that yield from the edge of their contact patch, and the "
+        "factor by which the hardness rises at most if the coating has another thickness.",
+        rises,
     ]
     report = "\n\n".join([machine_and_time(["scikit-fem"]), *text])
     print_report(__file__, "Coatings", report, options.write)

@@ -32,6 +32,18 @@ USUAL = 2.8
 #: Mean pressures over H on loading, and on unloading from the last of them.
 LOADING = (0.05, 0.1, 0.2, 0.3)
 UNLOADING = (0.15, 0.05)
+#: The same up to loads at which the cut-off law closes the gap.
+CLOSING = (0.1, 0.3, 0.5, 0.7, 0.85, 0.95)
+OPENING = (0.3, 0.05)
+#: Loads beyond the hardness, which the cut-off law cannot carry.
+BEYOND = (0.95, 1.2, 1.5)
+#: Loading and unloading by the name of the path. "one step": each load is applied to the virgin solid.
+PATHS = {
+    "cycle": (LOADING, UNLOADING),
+    "one step": (LOADING, ()),
+    "closing": (CLOSING, OPENING),
+    "beyond": (BEYOND, ()),
+}
 
 
 @dataclass(frozen=True)
@@ -60,8 +72,8 @@ class Case:
         Depth of the plastic solid, in sides; no point below this depth yields.
     tolerance : float
         Tolerance of the coupling of contact and plastic solid.
-    one_step : int
-        1 if each load is applied in one step from the virgin state, otherwise 0.
+    path : str
+        Name of the loads, a key of `PATHS`.
     """
 
     kind: str = "isotropic"
@@ -73,7 +85,7 @@ class Case:
     layers: int = 13
     depth: float = 0.25
     tolerance: float = 1e-3
-    one_step: int = 0
+    path: str = "cycle"
 
     @property
     def hardness(self):
@@ -124,7 +136,7 @@ SOUNDNESS = {
     "25 layers": {"layers": 25},
     "twice the depth, 25 layers": {"layers": 25, "depth": 0.5},
     "tolerance 1e-4": {"tolerance": 1e-4},
-    "each load in one step from the virgin state": {"one_step": 1},
+    "each load in one step from the virgin state": {"path": "one step"},
     "64² points, 25 layers": {"points": 64, "layers": 25},
 }
 SURFACES = [("isotropic", seed) for seed in (1, 2, 3, 4, 5)] + [
@@ -139,6 +151,18 @@ PERFECT = [
     for severity in (0.1, 0.3, 0.6)
     for kind, seed in (("isotropic", 2), ("turned", 1))
 ]
+#: Loads near the hardness, where roughness of short waves may persist.
+NEAR_CLOSING = [
+    Case(kind, seed, severity, path="closing")
+    for severity in (0.3, 0.1)
+    for kind, seed in (("isotropic", 1), ("turned", 1), ("isotropic", 2))
+]
+ABOVE_HARDNESS = [Case(path="beyond"), Case(severity=0.1, path="beyond")]
+#: Very rough or soft surfaces.
+ROUGHEST = [
+    Case(*kind, severity=0.05) for kind in (("isotropic", 1), ("turned", 1), ("isotropic", 2))
+]
+FINER = [Case(points=64, layers=25)]
 LARGER = [Case(seed=s, severity=v, points=64, waves=8, layers=17, depth=0.17) for s in (1, 2, 3) for v in (0.3, 0.1)]  # fmt: skip
 CHECKS = [Case(**change) for change in list(SOUNDNESS.values())[1:]]
 HARD = [replace(case, severity=0.1) for case in (Case(), *CHECKS[:5])]
@@ -159,17 +183,15 @@ def measured(case):
         )
 
     body, pressure = solid(), None
-    for branch, loads in (("loading", LOADING), ("unloading", UNLOADING)):
-        if case.one_step and branch == "unloading":
-            return
+    for branch, loads in zip(("loading", "unloading"), PATHS[case.path], strict=True):
         for load in loads:
             if pressure is None:
-                mean = load * case.hardness
+                mean = min(load, 0.9) * case.hardness
                 first = fs.solve_contact(
                     gap0, case.half_space, pressure=mean, hardness=case.hardness
                 )
                 pressure = first.pressure
-            if case.one_step:
+            if case.path == "one step":
                 body = solid()
             start = time.process_time()
             state = press(body, gap0, load * case.hardness, pressure, case.tolerance)
@@ -203,14 +225,20 @@ def contact_figures(pressure, gap, rms, case):
 
 
 def measure(cases, path):
-    """Measure the cases that are not in the file, and append each record as soon as it is measured."""
+    """Measure the states that are not in the file, and append each record as soon as it is measured."""
     if tamaas is None:
         raise SystemExit(MISSING)
-    stored = {key_of(row) for row in read_rows([path])} if path.exists() else set()
+    stored = {state_of(row) for row in read_rows([path])} if path.exists() else set()
     for case in cases:
-        if tuple(map(str, astuple(case))) in stored:
+        loading, unloading = PATHS[case.path]
+        loads = [("loading", load) for load in loading] + [
+            ("unloading", load) for load in unloading
+        ]
+        if all((*map(str, astuple(case)), branch, str(load)) in stored for branch, load in loads):
             continue
         for record in measured(case):
+            if state_of({name: str(value) for name, value in record.items()}) in stored:
+                continue
             print(record, flush=True)
             new = not path.exists()
             with path.open("a", newline="", encoding="utf-8") as file:
@@ -218,6 +246,11 @@ def measure(cases, path):
                 if new:
                     writer.writeheader()
                 writer.writerow(record)
+
+
+def state_of(row):
+    """Return the fields of a case as they stand in a record, its branch and its load."""
+    return (*key_of(row), row["branch"], row["load"])
 
 
 def key_of(row):
@@ -269,7 +302,8 @@ def case_of(row):
 
 def peak_of(row):
     """Return the load from which the state of a record was unloaded; 0 on loading."""
-    return LOADING[-1] if row["branch"] == "unloading" else 0.0
+    loading, _ = PATHS[row["path"]]
+    return loading[-1] if row["branch"] == "unloading" else 0.0
 
 
 def flows(row):
@@ -596,6 +630,8 @@ def main():
         if options.only:
             cases = [case for name in options.only for case in globals()[name]]
         measure(list(dict.fromkeys(cases)), options.records)
+        if not options.write:
+            return
     text = report(read_rows([options.records]))
     print_report(__file__, "Plastic law against plastic flow", text, options.write)
 
