@@ -125,8 +125,8 @@ def constraint_warnings(scene: Scene, leakage: Array, edge_distance: Array | Non
         f"{to_text(load.pressure / rise, 'Pa', 3)}{_leakage_text(scene, leakage, step, rise)}. The coating is thin "
         "compared with the contact patches, and the bodies on both sides hinder its flow to the edges. This raises its "
         f"hardness by a factor of up to {rise:.2g}: the points that yield are {to_text(distance, 'm', 3)} from the "
-        f"edge of their patch on average, and the coating is {to_text(thickness, 'm', 3)} thick. To see the effect, set "
-        f"its hardness to {to_text(rise * hardness, 'Pa', 3)}; a thicker coating is less constrained"
+        f"edge of their patch on average, and the coating is {to_text(thickness, 'm', 3)} thick. To see the effect, "
+        f"set its hardness to {to_text(rise * hardness, 'Pa', 3)}; a thicker coating is less constrained"
     )
 
 
