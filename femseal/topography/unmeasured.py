@@ -299,11 +299,11 @@ class Representative:
     def __str__(self) -> str:
         across, along = self.waves
         text = (
-            f"the map spans {across:.2g} × {along:.2g} of its longest waves, which are "
-            f"{to_text(self.longest, 'm', 3)} long"
+            f"the sides of the map are {across:.2g} and {along:.2g} times as long as the longest wave of the surface, "
+            f"which is {to_text(self.longest, 'm', 3)} long"
         )
         if self.rises:
-            text += "; its spectrum rises up to its side, so that longer waves are to be expected"
+            text += "; the spectrum rises up to waves as long as the map, so that even longer waves are to be expected"
         return text
 
     @property
@@ -312,8 +312,8 @@ class Representative:
         if self.is_enough:
             return []
         return [
-            f"{self}. Other patches of the same surface may leak more or less, by a factor of about 2 with "
-            f"{LEAST_WAVES} waves and 1.3 with 8: measure a larger area or several patches"
+            f"{self}. Another patch of the same surface may leak more or less, by a factor of about 2 if its side is "
+            f"{LEAST_WAVES} waves long and 1.3 if it is 8 waves long: measure a larger area or several patches"
         ]
 
 
