@@ -4,12 +4,12 @@ If the density ρ and the viscosity η of a fluid depend on the pressure alone, 
 pressure potential φ with dφ = (ρ/η) dp [kg/(m³ s)]. The mass flow rate through a seal is the conductance of the seal
 times the difference of φ between inlet and outlet.
 
-The property `law` of a fluid is its flow law, which gives the permeability of a gap. For a fluid without this property,
-the cubic law is used (see `femseal.flow.law`).
+The property `law` of a fluid is its flow law, which gives the permeability of a gap. For a fluid without the property
+`law`, the cubic law is used (see `femseal.flow.law`).
 
-To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. With this class, the
-fluid can be used from Python. To use the fluid in case files as well, add the class to `FLUIDS`. A case file then
-chooses the class by its `kind`, and the parameters of the class are keys of the case.
+To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. A fluid of this class can
+be used from Python. For case files, the class must also be added to `FLUIDS`. A case file chooses a class of `FLUIDS`
+by its `kind`, and the parameters of the class are keys of the case.
 """
 
 from __future__ import annotations
@@ -259,7 +259,7 @@ class RoelandsLiquid(_OnFaces):
     def pressure(self, potential: ArrayLike) -> Array:
         """Return the pressure [Pa] at which the potential has a given value, by Newton's method.
 
-        The potential cannot exceed its limit for p → ∞. For larger values, the result is infinity.
+        As p → ∞, the potential tends to a finite limit. For a value above the limit, the result is infinity.
         """
         φ = reals(potential)
 

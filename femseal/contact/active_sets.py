@@ -32,9 +32,10 @@ from .workspace import Loops, Problem, Workspace
 class StepLimits(NamedTuple):
     """Limits for the steps of conjugate gradients in one iteration of the contact solver.
 
-    after_change : largest number of steps of conjugate gradients if this iteration has changed the active sets.
-    without_change : largest number of steps of conjugate gradients if this iteration has not changed the active sets.
-    drop : fraction of the initial w·r, the squared energy norm of the residual. The steps end when w·r is smaller.
+    after_change : largest number of steps of conjugate gradients if the iteration has changed the active sets.
+    without_change : largest number of steps of conjugate gradients if the iteration has not changed the active sets.
+    drop : the steps end when w·r, the squared energy norm of the residual, has fallen to this fraction of its initial
+        value.
     """
 
     after_change: int
@@ -70,7 +71,7 @@ _LOAD_RTOL = 1e-10
 
 
 class Lists(NamedTuple):
-    """How many points the lists of `projection` contain, and the threshold with which the lists were made.
+    """Sizes of the lists of `projection`, and the threshold with which the lists were made.
 
     near : number of points near contact. A point is near contact if it is in contact or if v is below `reach`.
     free : number of free points. The pressure of a free point is unknown.
@@ -240,8 +241,8 @@ def _is_solved(
 ) -> bool:
     """Return whether the pressure is accepted as the solution.
 
-    The pressure must carry the load, and its residual must be at most `rtol`. The residual must have been computed with
-    a v that a product with K has given (`is_fresh`).
+    The pressure must carry the load, and its residual must be at most `rtol`. The residual must have been computed from
+    a product of K with the present pressure (`is_fresh`).
     """
     if not (state.residual <= rtol and is_fresh):
         return False
@@ -275,7 +276,7 @@ def _multiply(grid: Workspace, loops: Loops, reach: float, margin: float) -> Pro
 
 
 def _list_near(grid: Workspace, loops: Loops, reach: float, margin: float) -> Lists:
-    """List the points near contact again, with another threshold `reach` [m] of v, but without a change of v."""
+    """List the points near contact again, with another threshold `reach` [m]. The values of v are not changed."""
     n_rows = len(grid.arrays.v)
     near, free, *_sums = loops.list_near(1.0, 0.0, reach, 0, n_rows)
     return Lists(near, free, reach, margin)
@@ -320,18 +321,16 @@ def _evaluate(
         # list more points: the margin grows at least by a factor of 4, so that few new lists are needed
         margin = max(4.0 * lists.margin, delta - lists.reach)
         reach = delta + margin
-        if not (
-            can_carry and reach < inf
-        ):  # the listed points cannot carry the load, or `reach` is NaN
+        if not (can_carry and reach < inf):
+            # the listed points cannot carry the load, or `reach` is NaN: list all points
             reach = inf
         lists = _list_near(grid, loops, reach, margin)
     if y2 > 0.0:
         relative_difference = sqrt(r2 / y2)
     else:
         relative_difference = inf if r2 > 0.0 else 0.0
-    residual = relative_difference * (
-        grid.stiffness / c
-    )  # approximately that for the step length c₀
+    # approximately the residual for the step length c₀
+    residual = relative_difference * (grid.stiffness / c)
     is_slow = residual > 0.5 * previous.residual
     needs_change = changed_r2 > _FRACTION * r2 or is_slow
     return lists, Evaluation(delta, residual, sets_change=n_changed > 0 and needs_change)
@@ -370,7 +369,7 @@ def _conjugate_gradients(
         directions = Directions(loops.restart(lists.free, state.delta))
     total_ones, previous_wr, wr = directions
     first_wr = inf  # w·r of the first direction
-    smallest_stiffness = inf
+    smallest_stiffness = inf  # smallest d·d/(d·Kd) of all directions d [Pa/m]
     steps = 0
     while steps < most_steps:
         if wr is None:
@@ -382,7 +381,7 @@ def _conjugate_gradients(
                 break
         if not (wr > 0.0 and wr >= limits.drop * first_wr):
             break
-        loops.search()
+        loops.search()  # computes Kd
         curvature, squared_length, is_made = loops.step(lists.near, lists.free, wr)
         steps += 1
         previous_wr = wr if is_made else inf

@@ -48,9 +48,8 @@ class Contact(Shown):
         """Contact fraction, corrected for the discretisation error at the edges of contact patches.
 
         A pixel that is only partly in contact counts as a pixel in contact, so that the contact area is too large.
-        The error can be estimated from the number of pixel sides between a pixel in contact and a pixel with a gap. For
-        each such side, the contact area is too large by (π − 1 + ln 2)/24 of the area of a pixel (Yastrebov, Anciaux &
-        Molinari, Tribol. Int. 114, 2017, 161).
+        For each pixel side between a pixel in contact and a pixel with a gap, the contact area is too large by
+        (π − 1 + ln 2)/24 of the area of a pixel (Yastrebov, Anciaux & Molinari, Tribol. Int. 114, 2017, 161).
         """
         in_contact = self.pressure > 0
         n_sides = 0

@@ -18,16 +18,16 @@ Large grids do not fit in any cache. On large grids, the waves and the displacem
 rows are longer than the rows of the grid. Columns of large grids are copied to a contiguous block before they are
 transformed, whereas columns of small grids are transformed without a copy.
 
-If the first axis of a large grid is free, its columns are not padded to the full length 2m. Instead, each column has
-two transforms of length m. The transform of the points gives the waves with even numbers. The points j are then
-multiplied by the factors exp(−iπj/m), which are called the twist, and a second transform gives the waves with odd
-numbers.
+If the first axis of a large grid is free, its columns are not padded to the full length 2m, but have two transforms of
+length m. The first transform, of the points, gives the waves with even numbers. For the second transform, each point j
+is multiplied by exp(−iπj/m). The second transform gives the waves with odd numbers. The factors exp(−iπj/m) are called
+the twist.
 
 FFTW plans its transforms with the option FFTW_ESTIMATE and without wisdom, that is, by fixed rules instead of measured
-times. All processes therefore use the same plans and give identical results. With these plans, a contact solution on
-256² to 1024² points takes 0.9 to 1.03 times as long as with plans from measured times if the axes are periodic, and 0.8
-to 0.95 times as long if they are mirrors. On smaller periodic grids, contact solutions take longer than with measured
-plans: by 2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128² points.
+times. All processes therefore use the same plans and give identical results. With plans by fixed rules, a contact
+solution on 256² to 1024² points takes 0.9 to 1.03 times as long as with plans from measured times if the axes are
+periodic, and 0.8 to 0.95 times as long if they are mirrors. On smaller periodic grids, contact solutions take longer
+than with measured plans: by 2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128² points.
 """
 
 from __future__ import annotations
@@ -154,7 +154,7 @@ class Convolution:
         if over is None:
             assert symbol is not None
             self._weights = mixing_weights(symbol, axis1.is_mirror, axis2.is_mirror, transforms)
-            # a transform and its inverse multiply with the number of points
+            # FFTW does not normalise: a transform and its inverse together multiply by the number of points
             self._weights /= axis1.length * axis2.length
             if len(self._weights) == 1 and not is_large:
                 self._weights = extend_to_all_waves(self._weights, axis1.length)
@@ -239,7 +239,7 @@ class Rows:
         self.length = axis2.length
 
     def calls(self, planned: Planned) -> tuple[list[list[Call]], list[list[Call]]]:
-        """Return the calls of the transforms and the calls of the inverse transforms, each as a list (part, call).
+        """Return two nested lists of calls (part, call): one for the transforms, and one for the inverse transforms.
 
         A part consists of successive rows.
         """
@@ -282,7 +282,7 @@ class ReorderedRows(Rows):
         is_large: bool,
     ) -> None:
         super().__init__(product, waves, axis2)
-        # On small grids, the reordered rows have memory of their own. On large grids only the points of each row are
+        # On small grids, the reordered rows need additional memory. On large grids only the points of each row are
         # reordered, which is possible within the memory of the row.
         if is_mirror and not is_large:
             self.target = fftw().empty_aligned(self.target.shape, self.target.dtype)
@@ -296,7 +296,7 @@ class ReorderedRows(Rows):
         return [partial(copy_in_order, self.pressure, self.target, *self.orders, first, end)]
 
     def after(self, first: int, end: int) -> list[Call]:
-        """Return the call that copies the points back to the order of the grid; none if they were not reordered."""
+        """Return the call that copies the points back to the order of the grid; none if the order was not changed."""
         if self.displacement is None:
             return []
         return [partial(copy_back, self.target, self.displacement, *self.orders, first, end)]
@@ -343,8 +343,8 @@ class StridedColumns:
         n_columns = self.waves.shape[1]
         kind = self.waves.dtype
         column_bytes = self.transforms * self.length * kind.itemsize
-        # Number of columns of a block, so that the block and its copy fit in the cache. With fewer columns than
-        # `_ALIGNED`, or with 16 long ones, copying would take three times as long.
+        # Number of columns of a block, chosen so that the block and its copy fit in the cache. Copying takes three
+        # times as long with fewer than `_ALIGNED` columns, and also with 16 long columns.
         width = BLOCK_BYTES // (column_bytes * self.blocks)
         if width >= n_columns:
             width = n_columns
@@ -472,14 +472,18 @@ def planner() -> Iterator[Planned]:
     The transform reads `points` and writes `waves`. The inverse transform overwrites `waves` and writes `target`.
 
     Which plan FFTW chooses depends on its earlier plans, which FFTW calls wisdom. The wisdom is therefore deleted
-    before each plan. There is an exception: if the arrays have the same shapes, strides and types as for the previous
-    plan, the wisdom remains, because FFTW then plans ten times as fast. At the end of the `with` block, the wisdom that
-    existed before the block is restored. Saving and restoring the wisdom takes milliseconds.
+    before each plan. The wisdom is not deleted if the arrays have the same shapes, strides and types as for the
+    previous plan, because FFTW plans ten times as fast with the wisdom of an identical plan. At the end of the `with`
+    block, the wisdom that existed before the block is restored. Saving and restoring the wisdom takes milliseconds.
     """
     pyfftw = fftw()
     last_problem = None
 
     def planned(points: Any, waves: Any, target: Any, *, axis: int) -> tuple[Any, Any]:
+        """Plan the transform from `points` to `waves` and the inverse transform from `waves` to `target`.
+
+        Returns two functions without arguments that perform the transform and the inverse transform.
+        """
         nonlocal last_problem
         problem = [(a.shape, a.strides, a.dtype) for a in (points, waves, target)]
         if problem != last_problem:

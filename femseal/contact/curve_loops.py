@@ -6,9 +6,9 @@ x = p − c v. If the point yields, its projected pressure y and its total plast
 
     H(w) + c w = z + p_f + c u₀,    y = H(w) − p_f.
 
-The equation has one solution w, because H(w) + c w increases with w, unless dH/dw < −c. The curve of the point is then
-replaced by its tangent at u, or by a horizontal line where the law softens. The other loops of the contact solver work
-with these straight lines instead of the curve.
+The equation has one solution w, because H(w) + c w increases with w, unless dH/dw < −c. The curve of the point is
+replaced by the tangent of the curve at u, or by a horizontal line where the law softens. The other loops of the contact
+solver work with these straight lines instead of the curve.
 
 If a steep tangent were extended to u = 0, the pressure at u = 0 would be negative. A steep tangent therefore begins at
 a depth b > 0. The solver adds b to the gap h₁ and to the v of the point, and works with the plastic deformation u − b.
@@ -40,6 +40,7 @@ def deformation_at(z, c, depth, levels, coefficients):
 
     Returns the deformation w, the hardness H(w) and the slope dH/dw.
     """
+    # bisection: the last piece with `levels` <= z contains the solution
     piece = 0
     end = depth.size
     while end - piece > 1:
@@ -48,12 +49,14 @@ def deformation_at(z, c, depth, levels, coefficients):
             piece = middle
         else:
             end = middle
+    # With s = w − depth[piece], the curve is H = a0 + a1 s + a2 s² + a3 s³, and the equation
+    # s (c + a1 + a2 s + a3 s²) = z − levels[piece].
     a0 = coefficients[piece, 0]
     a1 = coefficients[piece, 1]
     a2 = coefficients[piece, 2]
     a3 = coefficients[piece, 3]
     rest = z - levels[piece]
-    s = rest / (a1 + c)
+    s = rest / (a1 + c)  # solution in a linear piece, otherwise the first guess
     if piece + 1 < depth.size and (a2 != 0.0 or a3 != 0.0):
         width = depth[piece + 1] - depth[piece]
         low = 0.0
@@ -66,7 +69,7 @@ def deformation_at(z, c, depth, levels, coefficients):
             else:
                 low = s
             new = s - excess / (c + a1 + s * (2.0 * a2 + s * 3.0 * a3))
-            if not low <= new <= high:
+            if not low <= new <= high:  # outside the bracket: bisect
                 new = 0.5 * (low + high)
             is_close = abs(new - s) <= _CLOSE * width
             s = new
@@ -84,7 +87,8 @@ def follow_curve(
 ):  # fmt: skip
     """Project the trial pressures of some points near contact, compare p with the projections y, and set the tangents.
 
-    The module `projection` describes the arrays `state` to `v`. The other arguments are:
+    The module `projection` describes the arrays `state`, `near`, `near_p`, `near_v`, `trial` and `v`. The other
+    arguments are:
 
     columns : number of columns of the grid.
     earlier : earlier plastic deformation u₀ [m], with one value for all points (1,) or one for each point (n,).
@@ -94,14 +98,14 @@ def follow_curve(
     depth, levels, coefficients : cubic pieces of the curve, see `deformation_at`.
     has_end : whether the last piece of the curve is constant.
     kind : which line replaces the curve of each point (n,): FIRST, TANGENT, END or HORIZONTAL; updated.
-    hardness, slope : hardness [Pa] and hardening modulus [Pa/m] of this line (n,); updated.
+    hardness, slope : hardness [Pa] and hardening modulus [Pa/m] of the line that replaces the curve, (n,); updated.
     begins : depth b [m] at which the tangent of a point begins (n,); updated.
     gap0 : undeformed gap h₁ + b [m] of each point (n,); updated.
 
     Returns
     -------
     total : sum Σ y of the projected pressures.
-    slopes : derivative of Σ y with respect to cδ. Where the curve falls, the derivative is taken as 0.
+    slopes : derivative of Σ y with respect to cδ. At points where the curve falls, dy/dz is taken as 0.
     n_tangents : number of points whose tangent has a positive slope.
     r2, y2 : ‖p − y‖² and ‖y‖².
     changed : number of points whose state would change if p were y, and of plastic points without hardening whose
@@ -118,6 +122,7 @@ def follow_curve(
     H = first_hardness[0]
     u0 = earlier[0]
     pf = fluid[0]
+    # trial pressure up to which the point remains within the part of the curve with constant hardness
     threshold = H + c * max(constant_depth - u0, 0.0)
     end_hardness = coefficients[levels.size - 1, 0]
     end_level = levels[levels.size - 1]
@@ -132,6 +137,7 @@ def follow_curve(
         i = listed[j]
         former_kind = kind[i]
         former_begin = begins[i] if former_kind == TANGENT else 0.0
+        # trial pressure; v of a point with a tangent has been increased by b, which is subtracted here
         x = p[j] - c * (near_v[first + j] - former_begin)
         z = x + shift
         if not is_uniform:
@@ -139,14 +145,15 @@ def follow_curve(
             u0 = value_at(earlier, i)
             pf = value_at(fluid, i)
             threshold = H + c * max(constant_depth - u0, 0.0)
+        # projection on the constant hardness, and state of the point: 0 out of contact, 1 elastic, 2 plastic
         y = min(max(z, 0.0), H)
         s = (z > 0.0) + (z >= H)
-        if z > threshold or former_kind != FIRST:
+        if z > threshold or former_kind != FIRST:  # the line of the point may change
             h = 0.0
             begin = 0.0
             new_kind = FIRST
             if z > threshold:
-                level = z + pf + c * u0
+                level = z + pf + c * u0  # right side of the equation for w
                 if has_end and level >= end_level:
                     new_kind = END
                     y = end_hardness - pf
@@ -159,26 +166,27 @@ def follow_curve(
                     else:
                         new_kind = TANGENT
                         n_tangents += 1
-                        s = 3
+                        s = 3  # hardens
                         slopes += h / (h + c)
+                        # the tangent begins where its pressure `y_begin` is by `FROM_DEPTH` lower than y, or at u = 0
                         begin = max(w - u0 - FROM_DEPTH * y / h, 0.0)
                         begins[i] = begin
                         y_begin = y - h * (w - u0 - begin)
             hardness[i] = y_begin if new_kind == TANGENT else (H if new_kind == FIRST else y)
             slope[i] = h
             kind[i] = new_kind
-            if begin != former_begin:
+            if begin != former_begin:  # the gap and v of the point are increased by b
                 near_v[first + j] += begin - former_begin
                 gap0[i] += begin - former_begin
                 displacement[i + i // columns * unused] += begin - former_begin
             x -= c * begin
         trial[first + j] = x
-        slopes += s == 1
+        slopes += s == 1  # dy/dz is 1 at an elastic point
         total += y
-        e = y - p[j]
-        r2 += e * e
+        difference = y - p[j]
+        r2 += difference * difference
         y2 += y * y
-        if s != state[i] or (s == 2 and e != 0.0):
+        if s != state[i] or (s == 2 and difference != 0.0):
             changed += 1
-            changed_r2 += np.inf if state[i] == 3 else e * e
+            changed_r2 += np.inf if state[i] == 3 else difference * difference
     return total, slopes, n_tangents, r2, y2, changed, changed_r2

@@ -67,25 +67,32 @@ class CurvePieces:
         """
         bends = bends[np.isfinite(bends) & (bends > 0)]
         edges = np.unique(np.r_[0.0, bends, _FIRST_DEPTHS])
+        # beginnings and ends of the pieces that are not yet accurate, (pieces,)
         start, end = edges[:-1], edges[1:]
         initial_hardness = float(yield_pressure(np.zeros(1))[0])
+        # beginnings and coefficients of the accurate pieces, in lists of arrays
         depths = []
         coefficients = []
         for division in range(_MOST_DIVISIONS):
             width = end - start
+            # Coefficients of the cubic through four points, (piece, power). The variable of the cubic is the position
+            # within the piece, from 0 to 1.
             fitted = _values(yield_pressure, start, width, _FITTED)
             cubic = fitted @ _TO_COEFFICIENTS
+            # difference between cubic and curve at other positions, (piece, position)
             values = _values(yield_pressure, start, width, _COMPARED)
             error = np.abs(cubic @ _TO_VALUES - values)
             # where the hardness has fallen to nearly nothing, it need not be accurate to a fraction of itself
             allowed = _TOLERANCE * np.maximum(np.abs(values), _LOWEST * initial_hardness)
             is_accurate = np.all(error <= allowed, axis=1)
-            # around a kink at an unknown depth, a straight line does not overshoot
+            # a piece around a kink at an unknown depth is divided until it is very narrow, and then becomes a straight
+            # line, which does not overshoot
             is_narrow = ~is_accurate & ((width <= _NARROWEST) | (division == _MOST_DIVISIONS - 1))
             cubic[is_narrow, 1] = (fitted[:, -1] - fitted[:, 0])[is_narrow]
             cubic[is_narrow, 2:] = 0.0
             is_accurate |= is_narrow
             depths.append(start[is_accurate])
+            # convert the coefficients from positions within the piece to depths
             scale = width[is_accurate, None] ** np.arange(4)
             coefficients.append(cubic[is_accurate] / scale)
             start, end = start[~is_accurate], end[~is_accurate]
@@ -93,20 +100,24 @@ class CurvePieces:
                 break
             if sum(map(len, depths)) + 2 * start.size > _MOST_PIECES:
                 return None
+            # divide the other pieces in the middle
             middle = 0.5 * (start + end)
             start, end = np.r_[start, middle], np.r_[middle, end]
         depth = np.concatenate(depths)
-        order = np.argsort(depth)
+        order = np.argsort(depth)  # accurate pieces were found in any order
         return cls(depth[order], np.concatenate(coefficients)[order]).with_one_end()
 
     def with_one_end(self) -> CurvePieces:
         """Merge the last pieces into a single piece, as far as they have the same constant hardness."""
-        hardness = self.coefficients[:, 0]
+        hardness = self.coefficients[:, 0]  # at the beginning of each piece
+        # largest contribution of each power of the depth to the hardness in a piece, (pieces − 1, 3)
         variation = np.abs(self.coefficients[:-1, 1:] * self._widths[:, None] ** np.arange(1, 4))
+        # whether a piece does not belong to the constant end: its hardness is another one, or not constant
         differs = np.abs(hardness[:-1] - hardness[-1]) > _ROUNDING * hardness[-1]
         differs |= variation.max(axis=1, initial=0.0) > _ROUNDING * hardness[:-1]
+        # first piece of the constant end
         first = 1 + int(np.flatnonzero(differs)[-1]) if differs.any() else 0
-        if first == hardness.size - 1:
+        if first == hardness.size - 1:  # there is nothing to merge
             return self
         coefficients = self.coefficients[: first + 1].copy()
         coefficients[-1] = hardness[-1], 0.0, 0.0, 0.0

@@ -1,16 +1,16 @@
 """Solve a contact whose hardness is a curve H(u) of the plastic deformation: tables, Nix-Gao, coatings.
 
-The method is the active-set method for linear contact laws (`active_sets`), with a change: in each iteration, the curve
-of each point is replaced by its tangent at the present plastic deformation.
+The method is the active-set method for linear contact laws (`active_sets`). In each iteration, the curve of each point
+is replaced by the tangent of the curve at the present plastic deformation.
 
 1. In each evaluation of the contact, the trial pressure z = p − c (v − δ) of each point near contact is projected on
    the curve of the point. The projection follows from the scalar equation H(u) + c u = z for the plastic deformation u.
-   This equation has one solution if the law does not soften too steeply.
+   The equation has one solution u if the law does not soften too steeply.
 2. The tangent of the curve at u becomes the linear law of the point. Where the curve falls, a horizontal line replaces
    the tangent.
 3. Newton's method finds the approach δ for which the sum of the projected pressures y on the curves is the load.
-4. With these linear laws, active sets are changed and conjugate gradients are performed as for linear hardening. The
-   iteration ends when the pressures agree with the curves.
+4. The active sets are changed, and conjugate gradients are performed, as for linear hardening. The iteration ends when
+   the pressures agree with the curves H(u).
 
 The tangents and the active sets converge in the same Newton iteration. A curved law therefore needs about as many
 iterations as a constant hardness. For a linear law, the damping is reduced when the energy increases. Energies with
@@ -84,7 +84,7 @@ class _Curve(NamedTuple):
     def of(cls, law: ContactLaw) -> _Curve | None:
         """Represent a contact law as a curve H(u) of cubic pieces, with u₀ and p_f of each point.
 
-        Returns None in two cases: if the laws of different points differ by more than u₀ and p_f, or if the curve needs
+        Returns None in two cases: if the laws of different points differ not only in u₀ and p_f, or if the curve needs
         too many cubic pieces.
         """
         shifted = law.shifted()
@@ -142,18 +142,21 @@ def _solve_on_nested_grids(curve: _Curve, level: Level, rtol: float) -> Contact:
     """Solve a contact with a curved law on nested grids, beginning with the coarsest grid.
 
     The straight line of `level` is the tangent of the curve at u = 0. The contact on a coarse grid is first solved with
-    this line, which is faster. If the line differs from the curve at the plastic deformations that result, the curve is
-    used on all finer grids. The line is often sufficient: on first loading if the deformations remain within a constant
-    part of the curve, and on unloading if no point yields again.
+    the straight line, because the solver is faster with a line than with a curve. If the line differs from the curve at
+    the plastic deformations that result, the curve is used on all finer grids. The line is often sufficient: on first
+    loading if the deformations remain within a constant part of the curve, and on unloading if no point yields again.
     """
     offset = float(level.gap0.min())
+    # contact problem and curve on each grid, from the given grid to the coarsest one
     levels = [(level, curve)]
     while max(levels[-1][0].half_space.shape) > COARSEST:
         finer, finer_curve = levels[-1]
         coarser = finer.coarser()._replace(load=level.load)
         levels.append((coarser, finer_curve.coarser()))
+    # the solution on each coarse grid gives first guesses of pressure and approach on the next finer grid
     start = levels[-1][0].first_guess()
     delta = None
+    # whether the curve is used instead of the line, because the line cannot carry the load or is not accurate enough
     least_capacity = min(problem.line.capacity for problem, _ in levels)
     is_curved = level.load >= least_capacity * (1 - 1e-9)
     while len(levels) > 1:
@@ -172,6 +175,7 @@ def _solve_on_nested_grids(curve: _Curve, level: Level, rtol: float) -> Contact:
             is_curved = error > _COARSE_ERROR
         start = grid.pressure
         del grid, coarse  # release their memory before the next grid is created
+    # the given grid: try the line if it was accurate on all coarser grids, otherwise use the curve
     if not is_curved:
         contact = solve_straight_law(level, rtol, start)
         error = _error_of_line(curve, level.line, contact.pressure, contact.plastic_deformation)
@@ -200,6 +204,7 @@ def _error_of_line(curve: _Curve, line: YieldLine, pressure: Array, overlap: Arr
     overlap : array (n1, n2)
         Overlap of the bodies [m], which is the plastic deformation of points that yield.
     """
+    # deformation up to which the hardness of each point is constant, so that the line agrees with the curve
     constant_depth = np.maximum(curve.constant_depth - curve.earlier, 0.0)
     if overlap.max() <= constant_depth.min():
         return 0.0
@@ -212,8 +217,9 @@ def _error_of_line(curve: _Curve, line: YieldLine, pressure: Array, overlap: Arr
         for values in (line.hardness, line.slope, curve.earlier, curve.fluid)
     )
     deformation = overlap[yields]
-    law = curve.pieces.hardness(earlier + deformation) - fluid
-    difference = hardness + slope * deformation - law
+    on_line = hardness + slope * deformation
+    on_curve = curve.pieces.hardness(earlier + deformation) - fluid
+    difference = on_line - on_curve
     return float(np.linalg.norm(difference) / np.linalg.norm(pressure))
 
 
@@ -257,23 +263,27 @@ class CurveTangents:
         self.offset = offset
         self.delta = delta
         self.number = 0
+        self._load = level.load * n  # sum of the pressures of all points [Pa]
+        # cubic pieces of the curve H(w), and H(w) + c w at the beginning of each piece for the stiffness c
         self._pieces = curve.pieces
         self._stiffness = 0.0
         self._levels = np.empty(0)
+        # the line of each point, (n,): its kind, the depth at which a tangent begins, hardness and slope
         self._kind = np.full(n, FIRST, np.int8)
         self._begins = np.empty(n)
         self._hardness = np.empty(n)
         self._slope = np.zeros(n)
+        # undeformed gap of each point, plus the depth at which its tangent begins
         self._gap0 = level.gap0.ravel().copy()
         first_hardness = (curve.pieces.hardness(curve.earlier) - curve.fluid).ravel()
         self._hardness[:] = first_hardness
+        # parameters of the law of each point, in the order in which `follow_curve` needs them
         self._law = (
             curve.earlier.ravel(),
             curve.fluid.ravel(),
             first_hardness,
             curve.constant_depth,
         )
-        self._load = level.load * n
         deepest_start = curve.constant_depth if isfinite(curve.constant_depth) else 0.0
         self._first_step = max(deepest_start, _FIRST_STEP)
 
@@ -281,7 +291,8 @@ class CurveTangents:
         """Solve the contact on the grid with `solve_active_sets`, which calls `evaluate` to update the tangents."""
         problem = Problem(self._gap0, self.offset, self._hardness, self._slope, self._load)
         solution = solve_active_sets(self.grid, problem, rtol, limit, self)
-        # the gap of a point with a tangent is increased, so that such a point must always be near contact
+        # The gap of a point with a tangent is increased by the depth at which the tangent begins. If such a point is no
+        # longer near contact, its gap remains wrong, and the solution is not valid.
         if np.count_nonzero(self._kind == TANGENT) != self.number:
             return solution._replace(residual=inf)
         return solution
@@ -293,15 +304,18 @@ class CurveTangents:
 
         The arguments and the returned values have the same meaning as in `projection.evaluate`.
         """
+        # Newton's method for Σ y(δ) = load within the bracket from `low` to `high`
         low = -inf
         high = inf
+        # limit of the step as long as the bracket has no bound in the direction of the step
         largest_step = self._first_step
         for _ in range(_APPROACH_STEPS):
             total, slopes, self.number, r2, y2, *changes = self._follow(n_near, c, delta)
             excess = total - self._load
             step = -excess / (c * slopes) if slopes > 0 else -excess * inf
-            relative = sqrt(r2 / y2) if y2 > 0 else 0.0
-            accepted = min(_LOAD_ERROR * relative, _LARGEST_LOAD_ERROR)
+            residual = sqrt(r2 / y2) if y2 > 0 else 0.0
+            # the load need not be more accurate than the pressures are at present
+            accepted = min(_LOAD_ERROR * residual, _LARGEST_LOAD_ERROR)
             if abs(excess) <= max(accepted, _SMALLEST_LOAD_ERROR) * self._load:
                 if c * abs(step) * n_near <= _LARGEST_CORRECTION * self._load:
                     return delta + step, True, r2, y2, *changes
@@ -318,11 +332,12 @@ class CurveTangents:
                 step = largest_step if step > 0 else -largest_step
                 largest_step *= 2
             new = delta + step
-            if not low < new < high:
+            if not low < new < high:  # outside the bracket: bisect
                 new = 0.5 * (low + high)
-            if new == delta:
+            if new == delta:  # the bracket cannot be divided further
                 return delta, True, r2, y2, *changes
             delta = new
+        # the listed points cannot carry the load, or Newton's method has not converged
         return delta, False, r2, y2, *changes
 
     def _follow(self, n_near: int, c: float, delta: float) -> tuple[Any, ...]:
@@ -333,30 +348,12 @@ class CurveTangents:
             levels = pieces.coefficients[:, 0] + c * pieces.depth
             # on coarse grids, the curve may fall more steeply than the half-space is stiff
             self._levels = np.maximum.accumulate(levels)
-        a = self.grid.arrays
+        arrays = self.grid.arrays
+        points = arrays.state, arrays.near, arrays.near_p, arrays.near_v, arrays.trial, arrays.v
         columns = self.grid.pressure.shape[1]
-        return follow_curve(
-            n_near,
-            c,
-            delta,
-            a.state,
-            a.near,
-            a.near_p,
-            a.near_v,
-            a.trial,
-            a.v,
-            columns,
-            *self._law,
-            pieces.depth,
-            self._levels,
-            pieces.coefficients,
-            pieces.has_constant_end,
-            self._kind,
-            self._hardness,
-            self._slope,
-            self._begins,
-            self._gap0,
-        )
+        curve = pieces.depth, self._levels, pieces.coefficients, pieces.has_constant_end
+        lines = self._kind, self._hardness, self._slope, self._begins, self._gap0
+        return follow_curve(n_near, c, delta, *points, columns, *self._law, *curve, *lines)
 
     def contact(self, solution: Solution) -> Contact:
         """Make a `Contact` from the pressure and the tangents of the solution."""

@@ -2,8 +2,8 @@
 
 Contact states of first loading do not depend on the loading history. For the states of an unloading, the plastic
 deformation at the peak load is added to the undeformed gap, and the contact law is H(u + u₀), where u₀ is the plastic
-deformation of each point at the peak load. If the contact is solved in this way at the peak load, the result is the
-state of first loading. Reloading follows the unloading curve up to the peak load. Above the peak load, reloading
+deformation of each point at the peak load. For the peak load itself, the contact with u₀ and H(u + u₀) has the same
+solution as on first loading. Reloading follows the unloading curve up to the peak load. Above the peak load, reloading
 follows the curve of first loading (Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018).
 """
 
@@ -220,8 +220,8 @@ def load_states(
         the plastic deformation. The value is passed to `solve` at the next load step as the argument `remembered`. If
         `remember` is given, the steps of first loading are solved one after another.
     memory : float
-        Memory that is needed to solve a state and to call `take` [byte]. The number of states that are solved at the
-        same time is limited accordingly.
+        Memory that is needed to solve a state and to call `take` [byte]. This memory limits the number of states that
+        are solved at the same time.
     mapper : callable
         Function like `map` that solves several independent load steps, for example in parallel. `mapper` is called
         twice: with all steps of first loading, and then with all steps of unloading.
@@ -294,23 +294,24 @@ def _solve_unloading(
         is_known = step.pressure in elastic_outputs or step.pressure in elastic_pressures
         if not (follows_loading(step) and is_known):
             steps_to_solve.append(step)
-    # solve them, and yield the outputs of all unloading steps in their order
+    # solve these steps; the mapper returns them in the order of `steps_to_solve`
     peaks_before = [peaks[step.unloaded_from] for step in steps_to_solve]
-    new_states: Iterator[_SolvedStep] = iter(())
+    solved_steps: Iterator[_SolvedStep] = iter(())
     if steps_to_solve:
         is_peak = [False] * len(steps_to_solve)
-        new_states = iter(mapper(stage, steps_to_solve, is_peak, peaks_before))
+        solved_steps = iter(mapper(stage, steps_to_solve, is_peak, peaks_before))
+    # yield the outputs of all unloading steps in their order, some of them a second time
     for step in unloading:
         if not follows_loading(step):
-            yield next(new_states).output
+            yield next(solved_steps).output
             continue
         if step.pressure not in elastic_outputs:
-            elastic_outputs[step.pressure] = next(new_states).output
+            elastic_outputs[step.pressure] = next(solved_steps).output
         output = elastic_outputs[step.pressure]
         if isinstance(output, LoadState):
             output = replace(output, unloaded_from=step.unloaded_from)
         yield output
-    next(new_states, None)  # exhaust the mapper, so that the code after its last result runs, too
+    next(solved_steps, None)  # exhaust the mapper, so that the code after its last result runs, too
 
 
 def _solve_one_after_another(

@@ -1,9 +1,9 @@
 """Solve a contact by steps that never increase the energy, for problems in which the active sets cycle.
 
-Each iteration begins with a step along the projected gradient, whose length is the Barzilai-Borwein length. This
+Each iteration begins with a step along the projected gradient, whose length is the Barzilai-Borwein length. The
 gradient step determines which points are free. Conjugate gradients on the free points follow; they ignore the bounds of
-the pressure. The pressure that they reach is projected on the bounds. Finally, the pressure is moved towards this
-projected pressure as far as the energy decreases.
+the pressure. The pressure that the conjugate gradients reach is projected on the bounds. Finally, the pressure is moved
+towards the projected pressure as far as the energy decreases.
 
 The load remains constant, and the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p) decreases with each step. The term ψ is the sum of
 ½ (p − H)₊²/h over the points that harden.
@@ -173,12 +173,14 @@ def _move(grid: Workspace, p: Array, v: Array, d: Array, delta: float, law: _Law
     convex, the energy at the estimated position is nevertheless lower than at p. The displacement plus undeformed gap v
     (n,) is updated for the new pressure.
     """
+    # For 0 <= t <= 1, the energy at p + t d exceeds the energy at p by at most t · change + ½ t² d·Kd, because ψ is
+    # convex. The bound is lowest at t = −change/(d·Kd).
     response = grid.response(d)
     curvature = float(d @ response)
-    fall = float(d @ (v - delta)) + law.energy(p + d) - law.energy(p)
-    if not (fall < 0 and curvature > 0):
+    change = float(d @ (v - delta)) + law.energy(p + d) - law.energy(p)
+    if not (change < 0 and curvature > 0):
         return 0.0
-    fraction = min(1.0, -fall / curvature)
+    fraction = min(1.0, -change / curvature)
     p += fraction * d
     np.clip(p, 0.0, law.limit, out=p)
     v += fraction * response
@@ -211,9 +213,8 @@ def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _La
     fraction = min(1.0, float(to_bound[nearest]))
     p[free] = np.clip(p[free] + fraction * step, low, high)
     v += fraction * response
-    if (
-        fraction == to_bound[nearest]
-    ):  # the nearest point is set to its bound exactly, without a rounding error
+    if fraction == to_bound[nearest]:
+        # set the nearest point to its bound exactly, without a rounding error
         p[free[nearest]] = high[nearest] if step[nearest] > 0 else low[nearest]
     return products + 1
 
@@ -256,25 +257,30 @@ def _conjugate_gradients(
 ) -> tuple[Array, Array, int]:
     """Minimise the energy with respect to the pressures of the free points, without bounds and at a constant load.
 
+    The residual of a free point is r = δ − v − a (p − H), with the compliance a = 1/h of a point that hardens, and
+    a = 0 for an elastic point. The preconditioned residual w = M r − λ M1 has the sum 0, so that the load remains
+    constant. The search direction is d = w + β d with β = w·r/(w·r of the previous step).
+
     Returns
     -------
     step : array (free points,), change of the pressure [Pa].
     response : array (n,), displacement under the step [m].
     products : number of products of K with a pressure.
     """
+    # the largest weight of the stencil is the middle one
     scale = 1.0 / np.sqrt(1.0 + hardening_compliance * grid.weights.max())
-    ones = _preconditioned(grid, free, np.ones(free.size), scale)
-    step = np.zeros(free.size)
-    total_response = np.zeros(p.size)
+    ones = _preconditioned(grid, free, np.ones(free.size), scale)  # M1
+    step = np.zeros(free.size)  # change of the pressure, (free points,)
+    total_response = np.zeros(p.size)  # displacement under this change, (n,)
     d = np.zeros(free.size)
-    dense = np.zeros(p.size)
+    dense = np.zeros(p.size)  # d at the free points, 0 at all other points
     r = delta - v[free] - hardening_compliance * np.maximum(p[free] - law.hardness[free], 0.0)
     first_wr = 0.0  # w·r of the first direction
     previous_wr = np.inf  # w·r of the previous direction; there is none at first
     for products in range(_STEPS):
         r -= r.mean()
         w = _preconditioned(grid, free, r, scale)
-        w -= w.sum() / ones.sum() * ones
+        w -= w.sum() / ones.sum() * ones  # so that Σ w = 0
         wr = float(w @ r)
         if products == 0:
             first_wr = wr
@@ -301,6 +307,7 @@ def _within_bounds(target: Array, low: Array, high: Array, load: float) -> Array
     The pressures are clip(target + shift, low, high). Bisection finds the shift for which the pressures add up to the
     load.
     """
+    # no shifted target is positive with the lower shift, and none is negative with the upper shift
     largest = float(np.max(np.abs(target)))
     lower, upper = -largest, largest
     for _ in range(_HALVINGS):

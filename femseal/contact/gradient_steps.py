@@ -1,7 +1,8 @@
 """Compile the loops of conjugate gradients on the free points, with a 3 × 3 stencil as preconditioner M.
 
-`active_sets` calls `restart`, `next_direction` and `step`. Each of these functions calls loops over the points `first`
-to `end` − 1 of a list. The arrays p, v, state, near, near_p, near_v, free and place are described in `projection`.
+`active_sets` calls `restart`, `next_direction` and `step`. Each of the three functions calls loops over the points
+`first` to `end` − 1 of a list. The arrays p, v, state, near, near_p, near_v, free and place are described in
+`projection`.
 
 Arrays of the free points, in the order of the list `free`
 ----------------------------------------------------------
@@ -18,7 +19,8 @@ dense : values at all points of the grid, either the values to which the stencil
     0 at points that are not free.
 weights : stencil M of the preconditioner (3, 3).
 rows : grid rows that correspond to the row numbers −1 to n1, (n1 + 2,). The row numbers −1 and n1 lie outside the grid.
-    On a periodic or mirror axis, they correspond to rows of the grid; on a free axis, the array contains −1 for them.
+    On a periodic or mirror axis, the row numbers −1 and n1 correspond to rows of the grid. On a free axis, the array
+    contains −1 for the row numbers −1 and n1.
 columns : grid columns that correspond to the column numbers −1 to n2, (n2 + 2,), defined like `rows`.
 """
 
@@ -47,7 +49,7 @@ def restart(
 
 @fast_loop
 def set_scale(first, end, slope, state, dense, free, hardening_compliance, scale, weights):
-    """Compute the compliance a and the factor s of some free points, and write s to `dense`, where M1 begins."""
+    """Compute the compliance a and the factor s of some free points, and write s to `dense` to compute M1."""
     for k in range(first, end):
         i = free[k]
         hardening_compliance[k] = 1.0 / value_at(slope, i) if state[i] == 3 else 0.0
@@ -161,12 +163,12 @@ def list_response(first, end, kd, compliance, columns, near, response):
     The rows of the grid have `columns` points; the rows of `kd` may be longer. Because the grid indices in the list
     `near` increase, the loop counts the rows that it has passed, which is faster than dividing each index by `columns`.
     """
-    listed = near[first:end]
+    listed = near[first:end]  # grid indices, in increasing order
     out = response[first:end]
     values = kd.ravel()
     unused = kd.shape[1] - columns  # unused values at the end of each row of `kd`
-    skipped = 0  # unused values before the row of the point
-    next_row = columns  # index of the first point in the next row
+    skipped = 0  # number of unused values in the rows before the row of the point
+    next_row = columns  # grid index of the first point in the next row
     for j in range(end - first):
         i = listed[j]
         while unused > 0 and i >= next_row:
@@ -229,15 +231,18 @@ def spread_residual(first, end, mean, dense, free, r, scale):
 
 @fast
 def apply_stencil(listed, dense, out, weights, rows, columns):
-    """Apply the 3 × 3 stencil to the grid values `dense` at the listed points, and write the results to `out`."""
-    n1 = rows.size - 2
+    """Apply the 3 × 3 stencil to the grid values `dense` at the listed points, and write the results to `out`.
+
+    listed : index of each point in the flat array `dense` (n1 n2,), which contains the grid row by row.
+    """
+    n1 = rows.size - 2  # `rows` and `columns` have an additional entry at both ends
     n2 = columns.size - 2
     for k in range(listed.size):
         point = listed[k]
-        i = point // n2
+        i = point // n2  # row and column of the point
         j = point - i * n2
         total = 0.0
-        # inside of the grid no boundary has to be considered
+        # all neighbours of a point in the interior are grid points
         if 1 <= i < n1 - 1 and 1 <= j < n2 - 1:
             for a in range(3):
                 for b in range(3):
@@ -245,9 +250,9 @@ def apply_stencil(listed, dense, out, weights, rows, columns):
         else:
             for a in range(3):
                 for b in range(3):
-                    # `rows` and `columns` have a border, so that offset a − 1 from row i is at i + a
+                    # entry i + a of `rows` is the grid row that corresponds to the row number i + a − 1
                     row = rows[i + a]
                     column = columns[j + b]
-                    if row >= 0 and column >= 0:
+                    if row >= 0 and column >= 0:  # −1 is beyond the end of a free axis
                         total += weights[a, b] * dense[row * n2 + column]
         out[k] = total

@@ -70,8 +70,8 @@ class HalfSpace:
     strain. The constant of the logarithm is arbitrary. The mean of `displacement` is therefore arbitrary as well.
 
     Free axes are padded to lengths whose transforms are fast. Periodic and mirror axes cannot be padded. A large prime
-    factor in their number of points makes the transforms slow: 1021² points take 8 times as long as 1024² points.
-    `Topography.resample` can change the number of points.
+    factor in the number of points of an axis makes the transforms slow: 1021² points take 8 times as long as 1024²
+    points. `Topography.resample` can change the number of points.
 
     Examples
     --------
@@ -142,7 +142,7 @@ class HalfSpace:
 
         The eigenvectors of K are waves along periodic axes and padded free axes, and cosines along mirror axes. An
         eigenvalue does not depend on the signs of the wave numbers. The array therefore includes only waves with
-        non-negative wave numbers. Along a mirror axis with n points, it includes n cosines.
+        non-negative wave numbers. Along a mirror axis with n points, the array includes n cosines.
         """
         n1, n2 = self.shape
         d1, d2 = self.spacing
@@ -257,9 +257,10 @@ def strip_symbol(
     solution of plane strain, which contains an arbitrary constant.
 
     A pressure that is constant on each pixel and follows a wave q from pixel to pixel also contains the aliases
-    q + 2πm/Δ for all integers m. The displacement of this pressure is therefore a sum over all aliases. The term of an
-    alias decays exponentially with the distance x. At x = 0, the sum over the aliases is an alternating series with a
-    closed form. The sum is equal to the sum of Love's solutions for all periodic images of the pixel.
+    q + 2πm/Δ for all integers m. The displacement due to the pressure on a pixel is therefore a sum over all aliases.
+    The contribution of an alias to the displacement decays exponentially with the distance x. At x = 0, the sum over
+    the aliases is an alternating series with a closed form. The sum over the aliases is equal to the sum of Love's
+    solutions for all periodic images of the pixel.
 
     For coated bodies, the change of the displacement by the coatings is added, see `layered.strip_difference`.
 
@@ -281,6 +282,7 @@ def strip_symbol(
     array (half of the padded length of the free axis, waves)
     """
     length = padded_length(n_free)
+    # the kernels of some waves are transformed at a time, to limit the memory
     width = max(1, _STRIP_VALUES // length)  # number of waves at a time
     parts = [
         _strip_columns(n_free, length, d_free, q[j : j + width], d_other)
@@ -340,14 +342,20 @@ def _add_wave(waves: Array, d: float, q: Array, weight: Array) -> None:
     The pixels lie at t = 0, d, 2d, … The integral over the pixel at t = 0 is the integral over the whole line minus the
     integral over |t| > d/2. This function subtracts only the integral over |t| > d/2. The integral over the whole line
     is added by the caller, for all aliases together.
+
+    waves : kernels (wave, pixel), which the function changes.
+    d : pixel length [m].
+    q : wave number of the alias of each wave (wave,) [rad/m].
+    weight : weight of the alias of each wave (wave,).
     """
     # The integral of K₀(q|t|) from t to infinity is Ki₁(q t)/q. It is negligible beyond `n_near` pixels for all waves.
     reach = _LARGEST_ARGUMENT / (q.min(initial=np.inf) * d)
     n_near = min(waves.shape[1], int(reach + 0.5) + 1)
     edges = (np.arange(n_near) + 0.5) * d
+    # weight · ∫ K₀(q|t|) dt from each edge to infinity, (wave, edge)
     beyond_edge = bickley_1(q[:, None] * edges)
     beyond_edge *= (weight / q)[:, None]
-    waves[:, 0] -= 2 * beyond_edge[:, 0]  # on both sides of the pixel
+    waves[:, 0] -= 2 * beyond_edge[:, 0]  # on both sides of the pixel at t = 0
     waves[:, 1:n_near] += beyond_edge[:, :-1] - beyond_edge[:, 1:]
 
 
@@ -362,8 +370,8 @@ def stiffness_stencil(half_space: HalfSpace) -> Array:
     On a periodic grid, the inverse of K is a convolution with the symbol E*|q|/2. The nine weights are the kernel of
     this convolution at the offsets −1, 0 and 1 along both axes.
 
-    If one side of the pixels is much longer than the other, the stencil with these weights is not positive definite. In
-    this case, all weights except the middle weight are set to 0.
+    If one side of the pixels is much longer than the other, the stencil with these weights is not positive definite.
+    For such pixels, all weights except the middle weight are set to 0.
     """
     # symbol of the inverse of K on a periodic grid of 64² pixels
     q1, q2 = (2 * np.pi * np.abs(np.fft.fftfreq(64, d)) for d in half_space.spacing)
@@ -377,9 +385,8 @@ def stiffness_stencil(half_space: HalfSpace) -> Array:
     # therefore occur where the cosines are 1 or −1.
     at_cosines = np.array([[1, 2], [1, -2]])
     symbol = at_cosines @ quarter @ at_cosines.T
-    is_positive_definite = (
-        symbol.min() > 1e-3 * symbol.max()
-    )  # with some distance from singular stencils
+    # the factor 1e-3 also excludes stencils that are nearly singular
+    is_positive_definite = symbol.min() > 1e-3 * symbol.max()
     if not is_positive_definite:
         quarter = np.diag([quarter[0, 0], 0.0])
     offsets = [1, 0, 1]  # distances of the rows and columns of the stencil from its middle

@@ -79,7 +79,7 @@ class HardnessTable(ContactLaw):
     def capacity(self) -> float:
         """Largest mean pressure [Pa] that the points can carry: the last hardness of the table.
 
-        At depths beyond the table, the hardness has this value as well.
+        At depths beyond the table, the hardness is equal to the last hardness of the table.
         """
         return float(self.hardness[-1])
 
@@ -238,7 +238,7 @@ class CoatedLaw(ContactLaw):
     def capacity(self) -> float:
         """Largest mean pressure [Pa] that the points can carry.
 
-        The substrate determines this pressure, because the coating may yield through its whole thickness.
+        The law of the substrate limits the mean pressure, because the coating may yield through its whole thickness.
         """
         return self.substrate.capacity
 
@@ -303,8 +303,8 @@ class CoatedLaw(ContactLaw):
 def law_of_coating(layer: ContactLaw, substrate: ContactLaw | None, thickness: float) -> ContactLaw:
     """Make the contact law of a coated body.
 
-    In two cases the law of the coating applies at every depth, and is returned: if the substrate never yields,
-    as it is rigid (None) or has no given strength, and if the coating never yields.
+    If the substrate or the coating never yields, the law of the coating applies at every depth, and is returned. A
+    substrate never yields if it is rigid (None) or has no given strength.
 
     Parameters
     ----------

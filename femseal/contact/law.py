@@ -4,8 +4,8 @@ Symbols: p contact pressure, u plastic deformation, H(u) pressure at which a poi
 yields, h = dH/du hardening modulus, g raw gap (negative where the bodies would overlap), c a stiffness [Pa/m].
 
 The contact of a point is elastic while 0 < p < H(u). When the point yields, p = H(u), and u increases. A contact law is
-a class that defines the curve H(u). The compiled loops of the contact solver use only straight lines; they replace a
-curve H(u) by its tangents. If H increases with u, the contact law adds a convex term to the energy that the solver
+a class that defines the curve H(u). The compiled loops of the contact solver use only straight lines; a curve H(u) is
+replaced by its tangents. If H increases with u, the contact law adds a convex term to the energy that the solver
 minimises. For a straight line H + h u, the convex term is ½⟨(p − H)₊, (p − H)₊⟩/h. For perfect plasticity see Sahlin et
 al., Proc. IMechE J 224, 2010, 335.
 """
@@ -39,7 +39,7 @@ class ContactLaw:
     """Base class of all contact laws. A law has to define `yield_pressure` and `hardening_modulus`.
 
     A law should be a frozen dataclass (with `eq=False`). The fields of the dataclass are the parameters of the law. The
-    method `key` identifies the law by these parameters.
+    method `key` identifies the law by its parameters.
     """
 
     @property
@@ -84,7 +84,7 @@ class ContactLaw:
     def constant_depth(self) -> float:
         """Plastic deformation [m] up to which H(u) is the same constant for all points; 0 if H(u) varies from u = 0 on.
 
-        The solver first computes the contact with this constant hardness. If no point is deformed beyond
+        The solver first computes the contact with the constant hardness H(0). If no point is deformed beyond
         `constant_depth`, the result is the solution, and the computation takes no longer than with perfect plasticity.
         """
         return inf if self.is_perfect and self.is_uniform else 0.0
@@ -135,7 +135,7 @@ class ContactLaw:
 
         If the law softens steeply, the equation z = H(u) + c u may have several solutions u. If the overlap −g of a
         point lies beyond the steep part of the curve, the point has already softened, and its neighbours carry the load
-        that the point has lost. For such a point, the solution u near the overlap is chosen.
+        that the point has lost. For a point that has already softened, the solution u near the overlap is chosen.
 
         Parameters
         ----------
@@ -220,6 +220,7 @@ class ContactLaw:
             high = np.where(excess < 0, high, u)
             with np.errstate(divide="ignore"):
                 step = -excess / (self.hardening_modulus(u) + stiffness)
+            # a step that is not much shorter than the last change, and longer than rounding errors
             is_slow = (np.abs(step) > 0.5 * np.abs(change)) & (np.abs(step) > 1e-12 * high)
             is_inside = (u + step >= low) & (u + step <= high)
             to_middle = 0.5 * (low + high) - u  # step of the bisection

@@ -2,8 +2,8 @@
 
 The index 1 denotes the layer, whose thickness is d, and the index 2 the substrate. The plane modulus of the layer is
 E₁* = E₁/(1 − ν₁²). A pressure wave of amplitude 1 Pa and wave number q displaces the surface of the body by a wave of
-amplitude C(q) = 2 S(qd)/(E₁* q). The factor S is the ratio of this compliance to the compliance of a half-space of the
-layer's material. With t = qd and the ratio r = G₁/G₂ of the shear moduli,
+amplitude C(q) = 2 S(qd)/(E₁* q). The factor S is the compliance of the body, divided by the compliance of a half-space
+of the layer's material. With t = qd and the ratio r = G₁/G₂ of the shear moduli,
 
     S = (1 + 4 m t e⁻²ᵗ − m n e⁻⁴ᵗ) / (1 − (m + n + 4 m t²) e⁻²ᵗ + m n e⁻⁴ᵗ)
     m = (r − 1)/(r + 3 − 4ν₁)        n = 1 − 4(1 − ν₁)/(1 + r (3 − 4ν₂))
@@ -12,14 +12,14 @@ For waves that are short compared with the thickness, S tends to 1. For long wav
 substrate. For a rigid substrate, r = 0. If two bodies are in contact, their compliances C(q) add up.
 
 A bonded layer under a frictionless pressure is also treated by O'Sullivan & King, J. Tribol. 110, 1988, and for rough
-surfaces by Nogi & Kato, J. Tribol. 119, 1997, 493. The formula of S was not compared with the text of these papers, but
-with closed forms and with finite elements (docs/evidence/coatings.md).
+surfaces by Nogi & Kato, J. Tribol. 119, 1997, 493. The formula of S was not compared with the text of the two papers,
+but with closed forms and with finite elements (docs/evidence/coatings.md).
 
 Along free axes, the displacement is the displacement of half-spaces of the layers' materials plus the change by the
-coatings. The change is a smooth function of the position, because S − 1 decays exponentially with t. For its
-computation, S − 1 is fitted by a sum of exponentials, Σ a exp(−b t). Each exponential gives a displacement proportional
-to 1/√(ρ² + (bd)²) at the distance ρ from a point load, like the potential of a charge at the depth b d. The integral of
-this displacement over a pixel has a closed form.
+coatings. The change by the coatings is a smooth function of the position, because S − 1 decays exponentially with t. To
+compute the change, S − 1 is fitted by a sum of exponentials, Σ a exp(−b t). Each exponential gives a displacement
+proportional to 1/√(ρ² + (bd)²) at the distance ρ from a point load, like the potential of a charge at the depth b d.
+The integral of this displacement over a pixel has a closed form.
 """
 
 from __future__ import annotations
@@ -160,8 +160,8 @@ def layer_factor(body: Coated, t: Array) -> Array:
 def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodies: Bodies) -> Array:
     """Compute the change of the displacement by the coatings, compared with uncoated half-spaces, for one free axis.
 
-    The uncoated half-spaces consist of the materials of the layers. The change is a term of the kernel of
-    `half_space.strip_symbol`, before the Fourier transform.
+    The uncoated half-spaces consist of the materials of the layers. The change of the displacement is a term of the
+    kernel of `half_space.strip_symbol`, before the Fourier transform.
 
     Let q₁ be the wave number along the free axis, q₂ the wave number along the periodic or mirror axis, and q² = q₁² +
     q₂². For q₂ > 0, the change is (1/2π) ∫ 2(S(qd) − 1)/(E₁* q) exp(i q₁ x) dq₁, averaged over pixels. The integral is
@@ -207,7 +207,13 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
 def free_difference(edges1: Array, edges2: Array, bodies: Bodies) -> Array:
     """Compute the change of the displacement by the coatings, compared with uncoated half-spaces, for two free axes.
 
-    The uncoated half-spaces consist of the materials of the layers.
+    The uncoated half-spaces consist of the materials of the layers. Each exponential a exp(−bt) of the fit of S − 1
+    adds the displacement a/(πE₁*) ∫∫ dx dy/√(x² + y² + z²) with z = b d, where the integral is over a pixel. The
+    integral is the difference of
+
+        x asinh(y/√(x² + z²)) + y asinh(x/√(y² + z²)) − z atan(x y/(z √(x² + y² + z²)))
+
+    between the edges of the pixel along both axes.
 
     Parameters
     ----------
@@ -219,7 +225,7 @@ def free_difference(edges1: Array, edges2: Array, bodies: Bodies) -> Array:
     Returns
     -------
     array (n1, n2)
-        Change of the displacement at the origin for a pressure of 1 Pa on a single pixel, by the pixel [m/Pa].
+        Change of the displacement at the origin for a pressure of 1 Pa on each single pixel [m/Pa].
     """
     kernel = np.zeros((edges1.size - 1, edges2.size - 1))
     x, y = edges1[:, None], edges2
@@ -229,12 +235,13 @@ def free_difference(edges1: Array, edges2: Array, bodies: Bodies) -> Array:
         for amplitude, exponent in zip(amplitudes, exponents, strict=True):
             z = exponent * body.thickness
             distance = np.sqrt(x**2 + y**2 + z**2)
-            potential = (
+            # indefinite integral at the corners of the pixels, (edge along x, edge along y)
+            integral = (
                 x * np.arcsinh(y / np.hypot(x, z))
                 + y * np.arcsinh(x / np.hypot(y, z))
                 - z * np.arctan(x * y / (z * distance))
             )
-            kernel += factor * amplitude * np.diff(np.diff(potential, axis=0), axis=1)
+            kernel += factor * amplitude * np.diff(np.diff(integral, axis=0), axis=1)
     return kernel
 
 
@@ -290,7 +297,8 @@ def _exponentials(body: Coated) -> tuple[Array, Array]:
         ratio = body.layer.shear_modulus / body.substrate.shear_modulus
         bending_length = max(1.0, float(np.cbrt(ratio)))
     exponents = np.geomspace(_LEAST_EXPONENT, _LARGEST_EXPONENT * bending_length, _TERMS)
-    # t = qd at which S − 1 is fitted, from long waves, which bend the layer, to waves that do not reach the substrate
+    # t = qd at which S − 1 is fitted: 0, and 600 values from long waves, which bend the layer, to waves so short that
+    # they do not reach the substrate (S − 1 is below 1e-18 for t > 25)
     t = np.r_[0.0, np.geomspace(1e-4 / bending_length, 25, 600)]
     excess = np.empty(t.size)
     excess[1:] = layer_factor(body, t[1:]) - 1
@@ -354,19 +362,19 @@ def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -
     from scipy.fft import irfft, next_fast_len
 
     shortest = _DECAYED / body.thickness  # wave number from which on S − 1 is negligible
-    # number of points of the transform, with which the wave decays before its next periodic image
+    # The transform along the free axis is periodic. Its number of points is so large that the wave decays before its
+    # next periodic image.
     decay_length = int(np.ceil(_IMAGE_DECAY / (q.min() * d)))
     period = next_fast_len(n + decay_length, real=True)
     aliases_free = _n_aliases(shortest, d)
     aliases_other = _n_aliases(shortest, d_other)
-    frequency = (
-        np.arange(period // 2 + 1) / period
-    )  # wave number along the free axis, divided by 2π/d
-    total = np.zeros((q.size, frequency.size))  # (wave, frequency)
+    frequency = np.arange(period // 2 + 1) / period  # wave number along the free axis over 2π/d
+    total = np.zeros((q.size, frequency.size))  # Σ (S − 1)/|q| over all aliases, (wave, frequency)
     for m_free in range(-aliases_free, aliases_free + 1):
         q_free = 2 * np.pi / d * (frequency + m_free)
         for m_other in range(-aliases_other, aliases_other + 1):
             q_other = q + 2 * np.pi / d_other * m_other
+            # magnitude |q| of the wave vector of the alias, (wave, frequency)
             wave = np.hypot(q_other[:, None], q_free)
             excess = layer_factor(body, wave * body.thickness) - 1  # S − 1
             # transform of the uniform pressure on a pixel; numpy defines sinc(x) as sin(πx)/(πx)

@@ -73,11 +73,13 @@ class Level(NamedTuple):
     def first_guess(self) -> Array:
         """Guess the pressure: distribute the load uniformly on the highest points.
 
-        The number of these points is chosen so that the pressure on them is the smaller of the hardness and 0.1 E*.
+        The number of loaded points is chosen so that the pressure on the loaded points is the smaller of the hardness
+        and 0.1 E*.
         """
         wanted_pressure = min(self.line.mean_hardness, 0.1 * self.half_space.pixel_modulus)
         gap0 = self.gap0
         n_carrying = min(gap0.size, int(self.load / wanted_pressure * gap0.size))
+        # at least four points, as far as the grid has so many
         n_touching = max(min(4, gap0.size), n_carrying)
         # the largest gap of the n_touching highest points
         largest_gap = np.partition(gap0, n_touching - 1, axis=None)[n_touching - 1]
@@ -164,7 +166,7 @@ def make_contact(level: Level, grid: Workspace, offset: float, solution: Solutio
     grid : Workspace
         Arrays of the solver with the pressure and v, the displacement plus the undeformed gap.
     offset : float
-        Height [m] that was subtracted from the undeformed gap. The function adds this height to the approach.
+        Height [m] that was subtracted from the undeformed gap, and is now added to the approach.
     solution : Solution
         Approach, residual, number of iterations and number of products with the compliance.
     """
@@ -175,18 +177,19 @@ def make_contact(level: Level, grid: Workspace, offset: float, solution: Solutio
     gap = np.empty(pressure.shape)
     deformation = np.empty(pressure.shape)
     is_plastic = np.empty(pressure.shape, bool)
+    parts_of_grid = rows(*pressure.shape)
+    flat_law = level.line.hardness.ravel(), level.line.slope.ravel()
+    flat_results = gap.ravel(), deformation.ravel(), is_plastic.ravel()
+    # the flat views share the memory of gap, deformation and is_plastic, which are filled here
     over(
-        rows(*pressure.shape),
+        parts_of_grid,
         gap_and_deformation,
         pressure.ravel(),
         v,
         solution.delta,
         grid.stiffness,
-        level.line.hardness.ravel(),
-        level.line.slope.ravel(),
-        gap.ravel(),
-        deformation.ravel(),
-        is_plastic.ravel(),
+        *flat_law,
+        *flat_results,
     )
     return Contact(
         pressure=pressure,

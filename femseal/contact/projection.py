@@ -3,8 +3,8 @@
 `active_sets` calls `list_near`, `evaluate` and `project` between two products with the compliance K of the half-space.
 The first arguments of these three functions are arrays, and the last arguments are values that change from call to
 call. A loop processes the points `first` to `end` − 1 of a list. For small grids, `list_near`, `evaluate` and `project`
-are each compiled as a single function. For large grids, they run in Python and call compiled loops, and several threads
-share the work of each loop.
+are each compiled as a single function. For large grids, the three functions run in Python and call compiled loops, and
+several threads share the work of each loop.
 
 The state of a point is 0 out of contact (p = 0), 1 if it is elastic (0 < p < H), 2 if it is perfectly plastic (p = H),
 and 3 if it yields and hardens (p = H + h u, h > 0). Points with an odd state are free: their pressure is unknown.
@@ -92,9 +92,10 @@ def list_near(
                 near_p[n_near] = row_p[j]
                 near_v[n_near] = vj
                 if states[j] == 3:
-                    beyond = row_p[j] - value_at(hardness, i)
-                    energy += 0.5 * beyond * beyond / value_at(slope, i)
-                if states[j] & 1:  # odd states are free
+                    # the point yields and hardens: its energy contains the term ψ = ½ (p − H)²/h
+                    above_hardness = row_p[j] - value_at(hardness, i)
+                    energy += 0.5 * above_hardness * above_hardness / value_at(slope, i)
+                if states[j] & 1:  # odd states are free: 1 is elastic, 3 hardens
                     free[n_free] = i
                     place[n_free] = n_near
                     n_free += 1
@@ -173,8 +174,19 @@ def evaluate(hardness, slope, state, near, near_p, near_v, trial, load, n_near, 
     Returns δ, whether the points near contact can carry the load, and the four values that `compare` returns.
     """
     find_trial(n_near, c, near_p, near_v, trial)
-    delta, carried = find_approach(trial, n_near, hardness, slope, c, near, c, load, delta)
-    return delta, carried, *compare(n_near, c, delta, hardness, slope, state, near, near_p, trial)
+    delta, can_carry = find_approach(
+        trial,  # x
+        n_near,
+        hardness,
+        slope,
+        c,  # c_law, which is equal to c in a projection step
+        near,
+        c,
+        load,
+        delta,  # first guess
+    )
+    differences = compare(n_near, c, delta, hardness, slope, state, near, near_p, trial)
+    return delta, can_carry, *differences
 
 
 @exact_loop
@@ -258,8 +270,8 @@ def find_approach(x, n, hardness, slope, c_law, listed, c, load, start):
     """Solve Σ y(x + cδ) = load for δ on a list of n points.
 
     The pressure y(z) is the projection of the trial pressure z on the contact law, see `projected`. The sum of y is a
-    monotone and piecewise linear function of δ. Newton's method, which starts from `start` and is kept within a
-    bracket, solves the equation.
+    monotone and piecewise linear function of δ. The equation is solved by Newton's method within a bracket, with the
+    first guess `start`.
 
     c : factor of δ in the trial pressure.
     c_law : value of c [Pa/m] in t = h/(h + c), the slope dy/dz of a point that hardens.
@@ -270,14 +282,16 @@ def find_approach(x, n, hardness, slope, c_law, listed, c, load, start):
 
     Returns δ, and whether the points can carry the load.
     """
-    sums = capacity(n, x, hardness, slope, c_law, listed, load)
-    delta, low, top, carried = bracket_approach(*sums, c, load, start)
+    highest, full, total_hardness, rise = capacity(n, x, hardness, slope, c_law, listed, load)
+    delta, low, top, can_carry = bracket_approach(
+        highest, full, total_hardness, rise, c, load, start
+    )
     for _ in range(ROOT_STEPS):
-        if low == top:
+        if low == top:  # δ is the solution
             break
         total, slopes = total_pressure(n, x, c * delta, hardness, slope, c_law, listed)
         delta, low, top = refine_approach(delta, low, top, total, slopes, c, load)
-    return delta, carried
+    return delta, can_carry
 
 
 def _bounds(values: list[Any]) -> Any:
@@ -293,8 +307,8 @@ def capacity(first, end, x, hardness, slope, c_law, listed, load):
     Returns
     -------
     highest : largest trial pressure x at δ = 0. If cδ < −highest, all projected pressures are 0.
-    full : largest value of min(H, load) − x. If cδ > full, the pressure of each point is at least the smaller of its
-        hardness and the load, so that the points carry at least the load or are all at their hardness.
+    full : largest value of min(H, load) − x. If cδ > full, the pressure of each point is at least min(H, load). The
+        points then carry at least the load, or all points are at their hardness.
     total : sum of the hardnesses H of the points: the load that they carry when the pressure of each point is H.
     rise : sum of the slopes t of the points: the derivative of the load with respect to cδ when all points harden.
     """
@@ -316,18 +330,19 @@ def capacity(first, end, x, hardness, slope, c_law, listed, load):
 
 
 @exact
-def bracket_approach(highest, full, capacity, rise, c, load, start):
+def bracket_approach(highest, full, total_hardness, rise, c, load, start):
     """Return a first guess of δ, a lower and an upper bound of δ, and whether the points can carry the load.
 
     If the lower and the upper bound are equal, they are the solution δ. The first four arguments are the values that
     the function `capacity` returns.
     """
-    if capacity <= load:
+    if total_hardness <= load:
         if rise == 0.0:  # without hardening, all points are at their hardness
             delta = full / c
-            return delta, delta, delta, capacity >= load
-        # All points are at their hardness, but carry less than the load. From there, the load grows by `rise` per cδ.
-        full += (load - capacity) / rise
+            return delta, delta, delta, total_hardness >= load
+        # At cδ = full, all points are at their hardness, but carry less than the load. For larger cδ, the load that
+        # they carry increases at the rate `rise`.
+        full += (load - total_hardness) / rise
     low = -highest / c  # there, all pressures are 0
     top = full / c  # there, the points carry at least the load
     top += 1e-12 * abs(top)  # allows for rounding errors
@@ -342,16 +357,18 @@ def refine_approach(delta, low, top, total, slopes, c, load):
     are equal, they are the solution δ.
     """
     excess = total - load
-    if abs(excess) <= 1e-14 * load:
+    if abs(excess) <= 1e-14 * load:  # only a rounding error is left
         return delta, delta, delta
+    # the sum of the projected pressures increases with δ, so that δ is a new bound
     if excess > 0.0:
         top = min(top, delta)
     else:
         low = max(low, delta)
+    # step of Newton's method; without a slope, and outside the bounds, the bracket is bisected instead
     new = delta - excess / (c * slopes) if slopes > 0.0 else low
     if new <= low or new >= top:
         new = 0.5 * (low + top)
-    if new == delta:
+    if new == delta:  # the bracket cannot be divided further
         return delta, delta, delta
     return new, low, top
 
@@ -419,19 +436,19 @@ def project(
         n_near, c, delta, keep, hardness, slope, p, state, near, near_p, trial
     )
     list_free(n_near, state, near, trial, free, response)
-    left = load - carried  # the load of the free points
-    if n_free > 0 and left > 0.0:
-        # find the uniform pressure with which the free points carry the rest of the load, see `find_approach`
+    load_of_free_points = load - carried
+    if n_free > 0 and load_of_free_points > 0.0:
+        # find the uniform pressure that must be added to all free points, so that they carry the rest of the load
         uniform, _ = find_approach(
-            response,
+            response,  # x, here the pressures of the free points
             n_free,
             hardness,
             slope,
             0.0,  # c_law
             free,
             1.0,  # c
-            left,
-            0.0,  # start
+            load_of_free_points,
+            0.0,  # first guess
         )
         shift(n_free, c, uniform, hardness, slope, p, free, response)
     return n_free
@@ -448,7 +465,7 @@ def clear(first, end, free, dense):
 def set_pressures(first, end, c, delta, keep, hardness, slope, p, state, near, near_p, trial):
     """Set pressure and state of some points near contact, see `project`.
 
-    Returns the number of free points among them, and the load that the points with a known pressure carry.
+    Returns how many of the points are free, and the load that the points with a known pressure carry.
     """
     listed = near[first:end]
     x = trial[first:end]
@@ -507,8 +524,8 @@ def gap_and_deformation(first, end, p, v, delta, c, hardness, slope, gap, deform
     The plastic deformation u = (p − H − c g)/(s + c) follows from the projection of the trial pressure p − c g on the
     law H + s u. Here H is the hardness, s the hardening modulus, c the length of the projection step, and g = v − δ the
     raw gap, with the displacement plus undeformed gap v and the approach δ. For s = 0, p = H and the formula becomes
-    u = −g. The rounding error of u is small for small and for large s: the term p − H determines u if s is much larger
-    than c, and the term −c g determines u if s is much smaller than c.
+    u = −g. The rounding error of u is small for any hardening modulus s. If s is much larger than c, the term p − H
+    determines u. If s is much smaller than c, the term −c g determines u.
     """
     columns = p.size // v.shape[0]
     for row in range(first, end):

@@ -137,7 +137,7 @@ def _tangent_from_depth(
     # the tangent begins where its pressure has fallen by the fraction `_FROM_DEPTH` of the yield pressure
     largest_distance = _FROM_DEPTH * yield_pressure / np.maximum(slope, 1.0)
     beginning = np.maximum(deformation - largest_distance, 0.0)
-    # all points (n1, n2): the other ones keep their tangent at u = 0
+    # arrays of all points (n1, n2); points within the constant part keep the tangent at u = 0
     slopes = np.full(u.shape, first.slope)
     hardness = np.full(u.shape, first.hardness)
     depth = np.zeros(u.shape)
@@ -164,7 +164,7 @@ def _increase_to_carry(law: ContactLaw, u: Array, load: float) -> float:
     def carries(increase: float) -> bool:
         return float(np.mean(law.yield_pressure(u + increase))) > load * (1 + 1e-6)
 
-    # double the increase until the load is carried, then find the smallest such increase by bisection
+    # double the increase until the points can carry the load, then find the smallest sufficient increase by bisection
     low = 0.0
     high = max(float(u.max()), law.constant_depth, _LEAST_DEFORMATION)
     for _ in range(_DOUBLINGS):

@@ -102,12 +102,14 @@ class WorkArrays:
             threads=threads,
             over=self.respond,
         )
+        # grid arrays in the memory of the two convolutions
         self.p = self.respond.pressure.ravel()
         self.v = self.respond.rows
         self.dense = self.search.pressure.ravel()
         self.kd = self.search.rows
         self.state = np.zeros(n, np.int8)
-        # the operating system only provides memory for the part of an array that the lists fill
+        # Lists of points near contact and of free points, with values in the order of these lists. The operating system
+        # provides memory only for the part of an array that a list fills.
         self.near, self.free, self.place = np.empty((3, n), np.int32)
         self.near_p, self.near_v, self.trial, self.response = np.empty((4, n))
         self.r, self.w, self.d, self.ones = np.empty((4, n))
@@ -121,8 +123,8 @@ class WorkArrays:
 def _kept_arrays(unit: HalfSpace, threads: int, thread: int) -> WorkArrays:
     """Make the arrays of a grid; later calls by the same thread return the same arrays.
 
-    thread : identifier of the calling thread. Because the arrays are cached by this identifier, two threads never share
-        arrays.
+    thread : identifier of the calling thread. The arrays are cached by the identifier of the thread, so that two
+        threads never share arrays.
     """
     return WorkArrays(unit, threads)
 
@@ -141,17 +143,18 @@ class Workspace:
     weights : array (3, 3)
         Weights of the preconditioner M [Pa/m].
     compliance : float
-        Factor 1/E* [1/Pa]. The transforms in `arrays` give the displacement for a contact modulus of 1 Pa, which is
-        multiplied by this factor.
+        Factor 1/E* [1/Pa] by which displacements from `arrays` are multiplied. The transforms in `arrays` belong to a
+        contact modulus of 1 Pa.
     """
 
     def __init__(self, half_space: HalfSpace, arrays: WorkArrays, is_kept: bool) -> None:
         self.half_space = half_space
         self.arrays = arrays
         self.is_kept = is_kept
-        self.compliance = 1.0 / half_space.pixel_modulus
         self.pressure = arrays.respond.pressure
         self.stiffness = half_space.stiffness
+        # the transforms and the stencil in `arrays` belong to a contact modulus of 1 Pa
+        self.compliance = 1.0 / half_space.pixel_modulus
         self.weights = half_space.pixel_modulus * arrays.stencil
         self._loops = _IN_PARTS if self.pressure.size > projection.PART else _UNDIVIDED
 
@@ -193,7 +196,7 @@ class Workspace:
         preconditioner = arrays.scale, self.weights, arrays.rows, arrays.columns
 
         def bind(name: str, *arguments: Any) -> Call:
-            """Return a compiled loop to which its first arguments, in this order, are already passed."""
+            """Return the compiled loop `name`, to which the given first arguments are already passed."""
             return partial(self._loops[name], *arguments)
 
         return Loops(
@@ -272,7 +275,7 @@ class Loops(NamedTuple):
     respond : compute the displacement due to the pressure, for a half-space of unit modulus.
     search : compute the displacement due to a search direction, for a half-space of unit modulus.
 
-    The modules `projection` and `gradient_steps` describe `list_near` and the loops after it.
+    All other loops are described in the modules `projection` and `gradient_steps`.
     """
 
     respond: Call  # no arguments
@@ -288,9 +291,9 @@ class Loops(NamedTuple):
 def _index_map(n: int, boundary: str) -> Indices:
     """Map the indices −1 to n along an axis of n points to indices of grid points.
 
-    The indices −1 and n lie beyond the ends of the axis. On a periodic or mirror axis, they are mapped to the grid
-    points that are their periodic or mirror images. On a free axis, where the pressure beyond the ends is 0, they are
-    mapped to −1.
+    The indices −1 and n lie beyond the ends of the axis. On a periodic or mirror axis, the indices −1 and n are mapped
+    to the grid points that are their periodic or mirror images. On a free axis, where the pressure beyond the ends is
+    0, the indices −1 and n are mapped to −1.
     """
     padding: dict[str, Any] = {
         "periodic": {"mode": "wrap"},
@@ -301,7 +304,7 @@ def _index_map(n: int, boundary: str) -> Indices:
 
 
 def coarsened(values: Array) -> Array:
-    """Average values (n1, n2) over 2 × 2 points. An odd number of rows or columns is first made even by a copy."""
+    """Average values (n1, n2) over 2 × 2 points. If a number of points is odd, the last row or column is repeated."""
     n1, n2 = values.shape
     if n1 % 2:
         values = np.concatenate((values, values[-1:]))

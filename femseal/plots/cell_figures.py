@@ -89,9 +89,9 @@ def cells_figure(results: Results) -> Figure:
 
     Sealed cells are left out, and cells whose permeability is less than a millionth of the highest permeability. The
     line in the first panel is the permeability h̄³/12 of parallel plates with the gap h̄. The permeability of cells
-    with wide gaps approaches this line. The lines in the second panel are the median permeabilities of the open cells
-    at each load. For a stochastic run, the picture shows all cells that a realisation can contain. For a two-scale run,
-    the picture shows the cells of the surface at each load.
+    with wide gaps approaches the permeability of parallel plates. The lines in the second panel are the median
+    permeabilities of the open cells at each load. For a stochastic run, the picture shows all cells that a realisation
+    can contain. For a two-scale run, the picture shows the cells of the surface at each load.
 
     Parameters
     ----------
@@ -127,9 +127,8 @@ def _add_load_bar(axes: Axes, cells: _CellValues, results: Results) -> None:
     if force is not None:
         name, scale = f"force [{force.unit}]", force.per_pascal
     count = len(cells.loads)
-    norm = BoundaryNorm(
-        np.arange(count + 1) - 0.5, count
-    )  # load n has the colours from n - 1/2 to n + 1/2
+    # load n has the colours from n - 1/2 to n + 1/2
+    norm = BoundaryNorm(np.arange(count + 1) - 0.5, count)
     figure = figure_of(axes)
     width, height = axes.get_position().size * figure.get_size_inches()
     # left, bottom, width and height, as fractions of the axes
@@ -140,9 +139,8 @@ def _add_load_bar(axes: Axes, cells: _CellValues, results: Results) -> None:
     )
     # every first, second, third, … load is labelled, beginning with the highest
     every = int(np.ceil(count * _LABEL_WIDTH / width))
-    labelled = np.arange(count)[::-every][
-        ::-1
-    ]  # indices of the labelled loads, in increasing order
+    # indices of the labelled loads, in increasing order
+    labelled = np.arange(count)[::-every][::-1]
     labels = [f"{scale * load:.4g}" for load in cells.loads[labelled]]
     bar.set_ticks(labelled, labels=labels)
     bar_axes.minorticks_off()

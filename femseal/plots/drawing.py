@@ -224,7 +224,10 @@ def _place_load_labels(axes: Axes, loads: Array) -> None:
 
 
 def spread(positions: Array, distance: float) -> Array:
-    """Move increasing positions apart, by least squares, so that neighbours have at least a given distance.
+    """Move increasing positions apart, so that neighbouring positions have at least a given distance.
+
+    The sum of the squares of the shifts is minimised. The new positions have the required distances if the values
+    position − n · distance do not decrease with n. Isotonic regression finds the nearest values that do not decrease.
 
     >>> spread(np.array([0.0, 2.0, 2.2, 5.0]), 1.0)
     array([0. , 1.6, 2.6, 5. ])

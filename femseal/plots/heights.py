@@ -138,9 +138,8 @@ def _draw_relief(axes: Axes, heights: NDArray) -> None:
     light /= np.sqrt(1 + slope_right**2 + slope_up**2)
     difference = np.nan_to_num(light - outwards)  # 0 on a level surface
     shade = np.zeros((*heights.shape, 4), dtype=np.float32)  # red, green, blue, opacity
-    shade[..., :3] = (difference > 0)[
-        ..., None
-    ]  # white where it is brighter than on a level surface, else black
+    # white where the light is brighter than on a level surface, black elsewhere
+    shade[..., :3] = (difference > 0)[..., None]
     shade[..., 3] = np.clip(np.abs(difference), 0, _MOST_SHADE)
     axes.imshow(
         shade, origin="lower", extent=image.get_extent(), interpolation=image.get_interpolation()

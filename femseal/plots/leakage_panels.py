@@ -251,9 +251,8 @@ def leakage_line(axes: Axes, load: Array, leakage: Array, **style: Any) -> Any:
     """
     (line,) = axes.plot(load, np.where(leakage > 0, leakage, np.nan), **style)
     sealed_loads = load[leakage == 0]
-    heights = np.full(
-        sealed_loads.size, _MARKER_IN_STRIP * _STRIP
-    )  # as fractions of the height of the axes
+    # heights of the markers, as fractions of the height of the axes
+    heights = np.full(sealed_loads.size, _MARKER_IN_STRIP * _STRIP)
     marker_style = style | {"ls": "", "label": None}
     axes.plot(sealed_loads, heights, transform=axes.get_xaxis_transform(), **marker_style)
     return line

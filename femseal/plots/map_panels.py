@@ -101,7 +101,7 @@ def to_image(values: Array, size: Pair) -> Array:
 def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
     """Return the argument `interpolation` of `imshow` for a map with `shape` pixels.
 
-    If the map has fewer pixels than the panel, the map is not interpolated. Each pixel of the map then has a single
+    If the map has fewer pixels than the panel, the map is not interpolated, so that each pixel of the map has a single
     colour, even if a vector picture is enlarged. If the map has more pixels than the panel, neighbouring pixels are
     averaged.
     """
@@ -111,7 +111,7 @@ def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
 
 
 def map_dpi(shape: tuple[int, ...], margins: Margins = MAP) -> float:
-    """Return a resolution [pixels per inch] at which each pixel of a map is visible, limited to `DPI` to `MOST_DPI`."""
+    """Return a resolution between `DPI` and `MOST_DPI` [pixels per inch] for a map with `shape` pixels."""
     width = PAGE - margins.left - margins.right
     return float(np.clip(max(shape) / width, DPI, MOST_DPI))
 

@@ -55,10 +55,9 @@ _FLOW = "#D7191C"
 def default_step(data: xarray.Dataset) -> int:
     """Return the index of the load step that pictures show by default: the highest load at which the seal leaks.
 
-    At the highest load that leaks, the surface may leak only along a path that winds through several cells, although no
-    single cell is permeable. No fluid then flows through the tiles of the realisation. If the results contain a
-    realisation, only loads with a flow through its tiles are therefore considered, as far as there are such loads. If
-    the seal leaks at no load, the index is 0.
+    If the results contain a realisation, the highest load is chosen at which fluid also flows through the tiles of the
+    realisation. The tiles may be closed at higher loads, at which the surface leaks only along a path that winds
+    through several closed cells. If the seal leaks at no load, the index is 0.
     """
     leaks = np.nan_to_num(surface_leakage(data)) != 0  # (step,)
     if "drawn_flux" in data:
@@ -76,9 +75,9 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
     """Draw contact pressure, gap and fluid pressure of the surface at one load, and the fluid pressure along x1.
 
     If the fields over the pixels are in memory or in the folder of the results, the maps show every pixel, up to 1024
-    along each side. Otherwise, the maps show means over blocks of pixels. The map of the fluid pressure also shows the
-    flow. If the results have no fields over the surface, the realisation whose leakage is nearest to the median is
-    drawn instead.
+    along each side. If the fields over the pixels are not available, the maps show means over blocks of pixels. The map
+    of the fluid pressure also shows the flow. If the results have no fields over the surface, the realisation whose
+    leakage is nearest to the median is drawn instead.
 
     Parameters
     ----------
@@ -128,7 +127,7 @@ def surface_fields(results: Results, step: int) -> list[Array]:
     """Return the contact pressure [Pa], the gap [m] and the fluid pressure [Pa] of the surface at a load step.
 
     The three fields are arrays of the same shape (n1, n2). If the fields over the pixels are in memory or in the folder
-    of the results, the arrays contain a value for each pixel. If a picture cannot show so many pixels, the fields are
+    of the results, the arrays contain a value for each pixel. Fields with more pixels than a picture can show are
     averaged. If the fields over the pixels are not available, the arrays contain the means over blocks of pixels from
     the dataset.
     """

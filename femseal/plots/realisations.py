@@ -87,8 +87,8 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
 
     If the load has a pressure map, or if the seal has a form deviation, a map of the contact pressure is added. If the
     seal has a form deviation, maps of the form deviation and of the distance between the mean planes of the faces are
-    added as well. A long seal is not drawn to scale. If the picture of a seal would be tall and narrow, it is turned by
-    90°.
+    added as well. A long seal is not drawn to scale. If the picture of a seal would be tall and narrow, the picture is
+    turned by 90°.
 
     Parameters
     ----------

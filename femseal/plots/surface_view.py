@@ -96,7 +96,7 @@ def surface_mesh(heights: Array, sides: Pair, exaggeration: float | None) -> tup
 
     heights : heights of the surface (n1, n2) [m].
     sides : sides of the surface along x1 and x2 [m].
-    exaggeration : factor by which the heights are multiplied; None for a suitable factor.
+    exaggeration : factor by which the heights are multiplied; if None, the function chooses a factor.
     """
     import pyvista
 

@@ -109,7 +109,7 @@ def view_run(
 def window_settings(picture: AnyPath | None) -> bool:
     """Check that a window can be opened, or that a picture can be rendered.
 
-    Returns whether the view is rendered off screen, for a picture.
+    Returns True if a picture is requested, so that the view is rendered off screen.
 
     Raises
     ------
@@ -146,7 +146,7 @@ def surface_meshes(results: Results, step: int, names: list[str]) -> dict[str, A
         expected = "a run with output.fields = true, or --seal for a realisation of the seal"
         if stored:
             expected = f"one of the steps {', '.join(map(str, stored))}"
-        raise InputError("step", f"{step}, whose fields are not stored", expected)
+        raise InputError("step", f"{step}, at which no fields over the pixels are stored", expected)
     meshes = {}
     for name in names:
         shown = FIELDS[name]
@@ -260,9 +260,9 @@ def ends_of_bounds(bounds: Any) -> Array:
 def ends_of_seal(results: Results) -> Array | None:
     """Return the positions of the labels "inlet" and "outlet", (2, 3) [µm].
 
-    The positions are the centres of the tiles with the highest and the lowest fluid pressure. The result is None if the
-    fluid pressure is unknown. The result is also None for a strip, whose inlet is its left side and whose outlet is its
-    right side.
+    The positions are the centres of the tiles with the highest and the lowest fluid pressure. If the fluid pressure is
+    unknown, the function returns None. For a strip, whose inlet is its left side and whose outlet is its right side,
+    the function returns None as well.
     """
     data = results.dataset
     if str(data.attrs.get("seal", "")).startswith("a strip") or "drawn_fluid_pressure" not in data:

@@ -72,8 +72,8 @@ def key_numbers(results: Results) -> list[KeyNumber]:
 def _whole_seal_unit(results: Results, values: Array) -> LeakUnit:
     """Choose a unit for the leakage of the whole seal.
 
-    If the case states a unit for the leakage of a whole seal, this unit is returned. If not, a unit is chosen in which
-    the leakages of the whole seal are numbers of a readable size.
+    The function returns the unit that the case states for the leakage of a whole seal. If the case states no such unit,
+    the function chooses a unit in which the leakages of the whole seal are numbers of a readable size.
 
     values : leakages per length of seal [m²/s], (any number,).
     """
@@ -164,16 +164,15 @@ def important_steps(results: Results) -> list[int]:
     """List the indices of the load steps that the table of the error budget shows, without repetition.
 
     - The first load step with a known leakage.
-    - Among the steps of loading whose leakage is more than a thousandth of this first leakage, the step with the
+    - Among the steps of loading whose leakage is more than a thousandth of the first known leakage, the step with the
       highest load.
     - The load step with the highest load.
     - The last load step.
     """
     leakage = np.abs(results.leakage.values)
     is_large_enough = (leakage > least_counted(leakage)) & results.steps.on_loading
-    highest_leaking = np.flatnonzero(is_large_enough)[
-        -1:
-    ].tolist()  # a list of one step, or an empty list
+    # a list of one step, or an empty list
+    highest_leaking = np.flatnonzero(is_large_enough)[-1:].tolist()
     last = len(leakage) - 1
     return list(dict.fromkeys([first_known(leakage), *highest_leaking, results.peak, last]))
 

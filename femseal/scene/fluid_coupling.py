@@ -1,10 +1,9 @@
 """Solve contact and flow together if the fluid pressure acts on the surfaces.
 
 The traction between the surfaces is t = p + p_f, the sum of contact pressure p >= 0 and fluid pressure p_f. Let p̄ be
-the nominal pressure. For a given p_f, the contact problem is solved with the undeformed gap h₁ + K p_f and the load
-p̄ − mean(p_f), which gives the gap (see `contact.solve_contact`). For a given gap, the flow problem gives p_f.
-Contact and flow are solved in turn until the permeability no longer changes. If no contact pressure can balance p̄, the
-surfaces separate.
+the nominal pressure. For a given p_f, the contact problem with the undeformed gap h₁ + K p_f and the load p̄ −
+mean(p_f) gives the gap (see `contact.solve_contact`). For a given gap, the flow problem gives p_f. Contact and flow are
+solved in turn until the permeability no longer changes. If no contact pressure can balance p̄, the surfaces separate.
 
 p_f is measured relative to the pressure of the surroundings, which acts on the outside of the bodies. In contact areas,
 and in pockets without flow, p_f is interpolated by Laplace's equation Δp_f = 0 from the pressures around these areas.
@@ -148,8 +147,8 @@ class FluidPressure:
         """Compute by how much the fluid pressure reduces the contact pressure of a cell [Pa].
 
         The contact of a cell is solved for dry surfaces under the effective pressure p̄ − p_f (Terzaghi's effective
-        stress). The coupled solution of contact and flow tends to this simplified solution if the seal is wide compared
-        with the long waves of the surface.
+        stress). The coupled solution of contact and flow tends to the solution with the effective pressure if the seal
+        is wide compared with the long waves of the surface.
 
         Parameters
         ----------
@@ -244,8 +243,9 @@ class FluidPressure:
     ) -> Array:
         """Choose the fluid pressure (n1, n2) [Pa] of the first round of the iteration.
 
-        The pressure is chosen for a pressure potential that falls linearly from inlet to outlet. If the fluid would
-        then carry nearly the whole load, its pressure is reduced, so that the contact carries a part of the load.
+        The pressure is chosen for a pressure potential that falls linearly from inlet to outlet. If a fluid with this
+        pressure would carry nearly the whole load, the fluid pressure is reduced, so that the contact carries a part of
+        the load.
 
         Parameters
         ----------
@@ -319,7 +319,7 @@ class FluidPressure:
         highest_pressure : float
             Largest pressure of trapped liquid [Pa].
         only_falls : bool
-            Whether the pressure of trapped liquid may only decrease. The iteration ends sooner if it may only decrease.
+            If True, the pressure of trapped liquid can only decrease, so that the iteration comes to an end.
         """
         assert isinstance(solved.flow, FaceFlow)
         is_open = solved.contact.gap > 0
@@ -362,14 +362,14 @@ class FluidPressure:
 
         For a prescribed contact load, contact and flow always have a solution. The nominal pressure is the sum of the
         contact load and the mean pressure of the fluid. Contact loads are therefore prescribed, until the resulting
-        nominal pressure is equal to the given one.
+        nominal pressure is equal to the given nominal pressure.
 
         As a function of the contact load, the nominal pressure has a minimum. If the given nominal pressure is less
-        than the minimum, the surfaces separate. If it is larger, two contact loads give the same nominal pressure. The
-        larger contact load is chosen: a seal whose load is reduced, or whose fluid pressure is raised, reaches this
-        contact load first. Trapped liquid is ignored.
+        than the minimum, the surfaces separate. If the given nominal pressure is larger than the minimum, two contact
+        loads give this nominal pressure. The larger contact load is chosen, because a seal reaches the larger contact
+        load first if its load is reduced or its fluid pressure is raised. Trapped liquid is ignored.
         """
-        from scipy.optimize import brentq, minimize_scalar
+        from scipy.optimize import brentq
 
         solution_by_load: dict[float, Any] = {}  # coupled contact for each contact load
         with_contact_load = replace(self, nominal="contact", trapped=False)
@@ -382,22 +382,8 @@ class FluidPressure:
                 )
             return load + solution_by_load[load].carried
 
-        # find the minimum: first among a few contact loads, then between the neighbours of the lowest value
         loads = (_FIRST_LOADS * max(abs(self.inlet), abs(self.outlet))).tolist()
-        nominal_pressures = [nominal_pressure(load) for load in loads]
-        lowest = int(np.argmin(nominal_pressures))
-        load_at_minimum = loads[lowest]
-        minimum = nominal_pressures[lowest]
-        if lowest > 0:
-            bracket = np.log([loads[lowest - 1], loads[min(lowest + 1, len(loads) - 1)]])
-            optimum = minimize_scalar(
-                lambda log_load: nominal_pressure(float(np.exp(log_load))),
-                bounds=bracket,
-                method="bounded",
-                options={"xatol": 0.3},
-            )
-            load_at_minimum = float(np.exp(optimum.x))
-            minimum = float(optimum.fun)
+        load_at_minimum, minimum = _minimum_over_loads(nominal_pressure, loads)
         if pressure > minimum:
             # find the contact load above the minimum that belongs to the nominal pressure
             upper = load_at_minimum
@@ -480,11 +466,11 @@ class _Round:
     def change(self, previous: _Round | None, step: float, scale: float) -> float:
         """Compute the relative change since the previous round, which decides when the iteration stops.
 
-        The change is the relative change of the permeability, and infinite in the first round. If no fluid flows
-        through the gap in either round, the permeability is 0, and the change of the fluid pressure relative to the
-        highest fluid pressure is returned instead. If trapped liquid has kept the gap closed for several rounds, the
-        change of the fluid pressure is ignored. With trapped liquid, the returned value is at least the relative error
-        of the volume of the liquid.
+        In the first round, the change is infinite. In all other rounds, it is the relative change of the permeability.
+        If no fluid flows through the gap in either round, the permeability is 0, and the change of the fluid pressure
+        relative to the highest fluid pressure is returned instead. If trapped liquid has kept the gap closed for
+        several rounds, the change of the fluid pressure is ignored. With trapped liquid, the returned value is at least
+        the relative error of the volume of the liquid.
 
         Parameters
         ----------
@@ -521,9 +507,9 @@ def _next_pressure(
 ) -> tuple[Array, float]:
     """Choose the fluid pressure (n1, n2) [Pa] of the next round of the iteration.
 
-    A mixture of the last two results is proposed. If the proposed fluid pressure would carry the whole load, only a
-    fraction of the change from the present to the proposed pressure is applied. The fraction is chosen so that the
-    mean fluid pressure increases by one half of the present contact load.
+    The proposed fluid pressure is a mixture of the fluid pressures of the last two rounds. If the proposed fluid
+    pressure would carry the whole load, only a fraction of the change from the present to the proposed pressure is
+    applied. The fraction is chosen so that the mean fluid pressure increases by one half of the present contact load.
 
     left_to_contact : present contact load, averaged over the surface [Pa].
 
@@ -560,6 +546,31 @@ def _mixed_pressure(solved: _Round, previous: _Round | None) -> Array:
     # minimum of |r − w (r − r')|², limited so that the last round has at least the weight of the previous round
     weight = float(np.clip(residual @ difference / squared, 0.0, 0.5))
     return (1 - weight) * solved.resulting + weight * previous.resulting
+
+
+def _minimum_over_loads(
+    nominal_pressure: Callable[[float], float], loads: list[float]
+) -> tuple[float, float]:
+    """Find the contact load at which the nominal pressure is smallest; return this load and the nominal pressure [Pa].
+
+    nominal_pressure : function that computes the nominal pressure [Pa] for a contact load [Pa].
+    loads : increasing contact loads [Pa], among which the minimum is bracketed.
+    """
+    from scipy.optimize import minimize_scalar
+
+    nominal_pressures = [nominal_pressure(load) for load in loads]
+    lowest = int(np.argmin(nominal_pressures))
+    if lowest == 0:
+        return loads[0], nominal_pressures[0]
+    # search between the neighbours of the best load, on a logarithmic scale
+    bracket = np.log([loads[lowest - 1], loads[min(lowest + 1, len(loads) - 1)]])
+    optimum = minimize_scalar(
+        lambda log_load: nominal_pressure(float(np.exp(log_load))),
+        bounds=bracket,
+        method="bounded",
+        options={"xatol": 0.3},
+    )
+    return float(np.exp(optimum.x)), float(optimum.fun)
 
 
 def contact_of_patches(

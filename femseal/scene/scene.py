@@ -234,8 +234,8 @@ class Scene:
         """Load steps at which the fluid between separated surfaces would carry the whole load.
 
         Each item contains the index of a load step and an explanation. At the load steps listed here, the tiles of a
-        stochastic seal are open. A seal computed from the contact of the whole surface may nevertheless be closed at
-        such a load, because the fluid does not enter the contact (see `scene.fluid_coupling`).
+        stochastic seal are open. At the same load steps, a seal computed from the contact of the whole surface may be
+        closed, because the fluid does not enter the contact (see `scene.fluid_coupling`).
         """
         fluid = self.acting_fluid
         if fluid is None:

@@ -115,8 +115,8 @@ def liquid_in_pockets(
     Notes
     -----
     For the step of Newton's method, the derivative of the volume of a pocket with respect to its pressure is needed.
-    This derivative is approximated by 16 A √(A/π)/(3π E*), the value for a uniform pressure on a circle of the area A
-    of the pocket. For coated bodies, E* is taken at the wave number √(π/A).
+    The derivative of the volume is approximated by 16 A √(A/π)/(3π E*), the value for a uniform pressure on a circle of
+    the area A of the pocket. For coated bodies, E* is taken at the wave number √(π/A).
     """
     pocket, n = label_pockets(is_pocket)
     pixel_area = float(np.prod(half_space.spacing))
@@ -183,10 +183,10 @@ def _amount_per_area(
 ) -> Array:
     """Compute the amount of liquid per area [m] at each point of the gap (n1, n2).
 
-    The amount depends on the state of the point at the previous load. If the point was open and outside of pockets, the
-    gap of the point is filled with liquid at the pressure `surrounding`. If the point was in a pocket, the liquid of
-    this pocket is distributed over the points of the pocket in proportion to their gaps. If the point was in contact,
-    it contains no liquid.
+    The amount of liquid depends on the state of the point at the previous load. If the point was open and outside of
+    pockets, the gap of the point is filled with liquid at the pressure `surrounding`. If the point was in a pocket, the
+    liquid of this pocket is distributed over the points of the pocket in proportion to their gaps. If the point was in
+    contact, it contains no liquid.
 
     The parameters are explained in `liquid_in_pockets`; `pixel_area` is the area of a pixel [m²].
     """
@@ -201,6 +201,7 @@ def _amount_per_area(
         height_of_liquid, sum_of_gaps, out=np.zeros_like(sum_of_gaps), where=sum_of_gaps > 0
     )
     filled[previous.pocket != 0] = 0.0  # only points that were open and not in a pocket are filled
+    # the pocket number 0, of points outside of pockets, selects the 0 at the beginning
     liquid_per_gap_at = np.concatenate([[0.0], liquid_per_gap])[previous_pocket]
     return filled + gap * liquid_per_gap_at
 

@@ -124,7 +124,8 @@ def sweep(
     Raises
     ------
     InputError
-        A key or a value cannot be used, or a folder cannot be written. In this case, nothing has been computed.
+        A key or a value cannot be used, or a folder cannot be written. The error is raised before the first case is
+        run.
     FemsealError
         At least one case failed. The results of all successful cases are in their folders. A further call with `resume`
         runs the failed cases again.
@@ -169,7 +170,7 @@ def sweep(
                 log.warning("%s", failures[-1])
             report_progress("cases", number, len(cases))
         if not finished:
-            raise FemsealError(f"sweep: every case failed; the first: {failures[0]}")
+            raise FemsealError(f"sweep: every case failed; error of the first case: {failures[0]}")
         comparison = compared(
             [variation.name for variation, _ in finished],
             tuple(results for _, results in finished),
@@ -390,9 +391,9 @@ def value_text(value: Any) -> str:
 def _set_key(data: dict[str, Any], key: str, value: Any) -> None:
     """Set the value of a dotted key in nested tables and lists. Tables that do not exist are created."""
     parts = key.split(".")
-    table: Any = data
+    table: Any = data  # table or list to which the next part of the key belongs
     for n, part in enumerate(parts):
-        index: Any = part
+        index: Any = part  # name in a table, or number in a list
         if isinstance(table, list):
             if not part.isdecimal() or int(part) >= len(table):
                 list_name = ".".join(parts[:n])
