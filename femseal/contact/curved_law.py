@@ -147,36 +147,9 @@ def _solve_on_nested_grids(curve: _Curve, level: Level, rtol: float) -> Contact:
     loading if the deformations remain within a constant part of the curve, and on unloading if no point yields again.
     """
     offset = float(level.gap0.min())
-    # contact problem and curve on each grid, from the given grid to the coarsest one
-    levels = [(level, curve)]
-    while max(levels[-1][0].half_space.shape) > COARSEST:
-        finer, finer_curve = levels[-1]
-        coarser = finer.coarser()._replace(load=level.load)
-        levels.append((coarser, finer_curve.coarser()))
-    # the solution on each coarse grid gives first guesses of pressure and approach on the next finer grid
-    start = levels[-1][0].first_guess()
-    delta = None
-    # whether the curve is used instead of the line, because the line cannot carry the load or is not accurate enough
-    least_capacity = min(problem.line.capacity for problem, _ in levels)
-    is_curved = level.load >= least_capacity * (1 - 1e-9)
-    while len(levels) > 1:
-        coarse, coarse_curve = levels.pop()
-        grid = workspace(coarse.half_space, level.half_space)
-        if is_curved:
-            tangents = CurveTangents(coarse_curve, grid, coarse, offset, start, delta)
-            delta = tangents.solve(COARSE_RTOL, COARSE_ITERATIONS).delta
-            del tangents
-        else:
-            grid.start(start, coarse.line.limit)
-            problem = coarse.on_grid(offset)
-            delta = solve_active_sets(grid, problem, COARSE_RTOL, COARSE_ITERATIONS).delta
-            overlap = (delta - grid.arrays.respond.displacement) / _COARSE_DEPTH
-            error = _error_of_line(coarse_curve, coarse.line, grid.pressure, overlap)
-            is_curved = error > _COARSE_ERROR
-        start = grid.pressure
-        del grid, coarse  # release their memory before the next grid is created
-    # the given grid: try the line if it was accurate on all coarser grids, otherwise use the curve
-    if not is_curved:
+    start, delta, needs_curve = _start_from_coarser_grids(curve, level, offset)
+    # try the line on the given grid if the line was accurate on all coarser grids
+    if not needs_curve:
         contact = solve_straight_law(level, rtol, start)
         error = _error_of_line(curve, level.line, contact.pressure, contact.plastic_deformation)
         if error <= rtol:
@@ -188,6 +161,54 @@ def _solve_on_nested_grids(curve: _Curve, level: Level, rtol: float) -> Contact:
     solution = tangents.solve(rtol, _ITERATIONS)
     check_solution(level, float(grid.pressure.mean()), solution, rtol)
     return tangents.contact(solution)
+
+
+class _Start(NamedTuple):
+    """First guess of a solution.
+
+    pressure : first guess of the pressure [Pa], on the grid or on the next coarser grid.
+    delta : first guess of the approach minus the offset of the heights [m]; None if it is not known.
+    needs_curve : whether the straight line cannot carry the load, or differs too much from the curve.
+    """
+
+    pressure: Array
+    delta: float | None
+    needs_curve: bool
+
+
+def _start_from_coarser_grids(curve: _Curve, level: Level, offset: float) -> _Start:
+    """Solve a contact on all coarser grids, with the straight line of `level` as long as the line is accurate enough.
+
+    offset : height [m] from which heights are measured.
+    """
+    # contact problem and curve on each grid, from the given grid to the coarsest grid
+    levels = [(level, curve)]
+    while max(levels[-1][0].half_space.shape) > COARSEST:
+        finer, finer_curve = levels[-1]
+        coarser = finer.coarser()._replace(load=level.load)
+        levels.append((coarser, finer_curve.coarser()))
+    # the solution on each grid gives first guesses of pressure and approach on the next finer grid
+    pressure = levels[-1][0].first_guess()
+    delta = None
+    least_capacity = min(problem.line.capacity for problem, _ in levels)
+    needs_curve = level.load >= least_capacity * (1 - 1e-9)
+    while len(levels) > 1:
+        coarse, coarse_curve = levels.pop()
+        grid = workspace(coarse.half_space, level.half_space)
+        if needs_curve:
+            tangents = CurveTangents(coarse_curve, grid, coarse, offset, pressure, delta)
+            delta = tangents.solve(COARSE_RTOL, COARSE_ITERATIONS).delta
+            del tangents
+        else:
+            grid.start(pressure, coarse.line.limit)
+            problem = coarse.on_grid(offset)
+            delta = solve_active_sets(grid, problem, COARSE_RTOL, COARSE_ITERATIONS).delta
+            overlap = (delta - grid.arrays.respond.displacement) / _COARSE_DEPTH
+            error = _error_of_line(coarse_curve, coarse.line, grid.pressure, overlap)
+            needs_curve = error > _COARSE_ERROR
+        pressure = grid.pressure
+        del grid, coarse  # release their memory before the next grid is created
+    return _Start(pressure, delta, needs_curve)
 
 
 def _error_of_line(curve: _Curve, line: YieldLine, pressure: Array, overlap: Array) -> float:

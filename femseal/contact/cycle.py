@@ -362,7 +362,8 @@ def _fraction_yielded_again(contact: Contact, deformation: np.ndarray, rtol: flo
 
     An increase counts only if it is larger than the error of the solution.
     """
-    # `depth` is the elastic displacement of a single pixel under the largest pressure, p/c with c = πE*/(4Δ)
+    # The error of the deformation is estimated as 100 · rtol times the elastic displacement of a single pixel under the
+    # largest pressure, p/c with c = πE*/(4Δ).
     half_space = contact.half_space
     largest_pressure = float(contact.pressure.max())
     depth = 4 * max(half_space.spacing) * largest_pressure / (np.pi * half_space.pixel_modulus)

@@ -175,7 +175,10 @@ def _increase_to_carry(law: ContactLaw, u: Array, load: float) -> float:
         return 0.0
     for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if carries(middle) else (middle, high)
+        if carries(middle):
+            high = middle
+        else:
+            low = middle
     return high
 
 
