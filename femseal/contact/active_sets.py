@@ -359,8 +359,8 @@ def _conjugate_gradients(
 ) -> Gradients:
     """Perform a few steps of conjugate gradients on the free points.
 
-    directions : scalars with which earlier conjugate gradients are continued; None if the free points have changed
-        since then, so that the conjugate gradients begin anew.
+    directions : scalars with which earlier conjugate gradients are continued; None if the conjugate gradients begin
+        anew, because the free points have changed.
     """
     is_long = max(grid.half_space.shape) >= _LONG
     limits = _LONG_STEPS if is_long else _STEPS

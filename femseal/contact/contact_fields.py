@@ -13,7 +13,7 @@ from .half_space import HalfSpace
 
 @dataclass(frozen=True, repr=False)
 class Contact(Shown):
-    """Solution of a contact problem; the metadata of the fields contain their units.
+    """Solution of a contact problem. The metadata of each field of the dataclass contain its unit.
 
     The contact pressure is p, the hardness H, and the raw gap g. Out of contact p = 0 and g > 0. In elastic contact
     0 < p < H and g = 0. A point with p ≥ H is plastic and has g ≤ 0.

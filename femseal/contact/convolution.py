@@ -84,7 +84,7 @@ class Axis(NamedTuple):
     points : number of points.
     length : length of the transform.
     order : array (points,), grid index of the point at each position in the transform.
-    is_mirror : whether the pressure beyond the ends of the axis is its mirror image.
+    is_mirror : whether the pressure beyond the ends of the axis is the mirror image of the pressure on the axis.
     """
 
     points: int
@@ -292,7 +292,7 @@ class ReorderedRows(Rows):
         self.orders = order1, axis2.order
 
     def before(self, first: int, end: int) -> list[Call]:
-        """Return the call that copies the points of these rows in the order of the transform, and appends zeros."""
+        """Return the call that copies the rows `first` to `end` − 1 in the order of the transform, with zeros."""
         return [partial(copy_in_order, self.pressure, self.target, *self.orders, first, end)]
 
     def after(self, first: int, end: int) -> list[Call]:
@@ -374,7 +374,7 @@ class StridedColumns:
         columns : array (>= n1, columns)
             Some successive columns of the array of all waves.
         block, copy : array
-            Work arrays for these columns; `copy` is used only for large grids.
+            Work arrays for one block of columns; `copy` is used only for large grids.
         first : int
             Index of the first column of `columns` in the array of all waves.
         """

@@ -167,7 +167,7 @@ class _Start(NamedTuple):
     """First guess of a solution.
 
     pressure : first guess of the pressure [Pa], on the grid or on the next coarser grid.
-    delta : first guess of the approach minus the offset of the heights [m]; None if it is not known.
+    delta : first guess of the approach minus the offset of the heights [m]; None without a first guess.
     needs_curve : whether the straight line cannot carry the load, or differs too much from the curve.
     """
 

@@ -50,12 +50,12 @@ _NOTHING_BEFORE = _SolvedStep(output=None)
 
 @dataclass(frozen=True, repr=False)
 class LoadState(LoadStep, Plotted):
-    """A step of a load programme with its contact.
+    """A step of a load programme, with the solution of the contact at this load step.
 
     Parameters
     ----------
     contact : Contact
-        Contact at this step.
+        Solution of the contact at the load step.
     yielded_again : float
         Fraction of the points that yield during unloading. During unloading, contact pressure moves from some points to
         others, so that points that were elastic at the peak load may yield.
@@ -107,7 +107,7 @@ def load_cycle(
     unloading: Sequence[float] = (),
     rtol: float = 1e-6,
 ) -> LoadCycle:
-    """Solve the contact along a loading curve and along any number of unloadings from it.
+    """Solve the contact along a loading curve, and along any number of unloadings from points of the loading curve.
 
     Parameters
     ----------
@@ -220,8 +220,8 @@ def load_states(
         the plastic deformation. The value is passed to `solve` at the next load step as the argument `remembered`. If
         `remember` is given, the steps of first loading are solved one after another.
     memory : float
-        Memory that is needed to solve a state and to call `take` [byte]. This memory limits the number of states that
-        are solved at the same time.
+        Memory that is needed to solve a state and to call `take` [byte]. The required memory limits the number of
+        states that are solved at the same time.
     mapper : callable
         Function like `map` that solves several independent load steps, for example in parallel. `mapper` is called
         twice: with all steps of first loading, and then with all steps of unloading.

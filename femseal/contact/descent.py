@@ -192,8 +192,8 @@ def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _La
 
     Conjugate gradients find a change of the pressure that ignores the bounds. The changed pressure is then replaced by
     the nearest pressure that is within the bounds and carries the load, and the pressure is moved towards this nearest
-    pressure. If the energy does not fall in this direction, the pressure is moved along the change that the conjugate
-    gradients have found, until a point reaches one of its bounds. p and v (n,) are updated.
+    pressure. If the energy does not fall towards the nearest pressure, the pressure is moved along the change that the
+    conjugate gradients have found, until a point reaches one of its bounds. p and v (n,) are updated.
     """
     free, low, high, compliance = _free_points(p, law)
     if free.size < 2:

@@ -40,9 +40,9 @@ class HalfSpace:
     """An elastic half-space with pressures p and displacements u = K p on a grid of pixels.
 
     On periodic axes the Fourier coefficients of the displacement are û = 2 p̂/(E*|q|), and the mean displacement is
-    arbitrary. Beyond the ends of a mirror axis, the pressure is its mirror image, so that a cosine transform on the
-    points of the grid is exact. Along a free axis, the pressure is constant within each pixel, and 0 beyond the ends of
-    the axis.
+    arbitrary. Beyond the ends of a mirror axis, the pressure is the mirror image of the pressure on the axis, so that a
+    cosine transform on the points of the grid is exact. Along a free axis, the pressure is constant within each pixel,
+    and 0 beyond the ends of the axis.
 
     Parameters
     ----------

@@ -338,7 +338,7 @@ class LinearHardening(ContactLaw):
 
     @property
     def is_uniform(self) -> bool:
-        """Whether all points have the same hardness and slope, which are then single numbers."""
+        """Whether hardness and slope are single numbers, which apply to all points."""
         return isinstance(self.hardness, float) and isinstance(self.slope, float)
 
     def at(self, is_chosen: Flags) -> ContactLaw:

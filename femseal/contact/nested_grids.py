@@ -36,7 +36,7 @@ class Level(NamedTuple):
     """A contact problem on one of the nested grids, with checked input.
 
     gap0 : array (n1, n2), undeformed gap [m].
-    half_space : half-space on this grid.
+    half_space : half-space on the grid of the problem.
     line : linear contact law.
     load : nominal pressure [Pa].
     """
@@ -162,7 +162,7 @@ def make_contact(level: Level, grid: Workspace, offset: float, solution: Solutio
     Parameters
     ----------
     level : Level
-        Contact problem on this grid, with the line H + h u of the contact law at each point.
+        Contact problem on the grid, with the line H + h u of the contact law at each point.
     grid : Workspace
         Arrays of the solver with the pressure and v, the displacement plus the undeformed gap.
     offset : float

@@ -1,4 +1,4 @@
-"""Compile the loops of the contact solver that find the points near contact and project their pressure on the law.
+"""Compile the loops of the contact solver that list points near contact and project pressures on the contact law.
 
 `active_sets` calls `list_near`, `evaluate` and `project` between two products with the compliance K of the half-space.
 The first arguments of these three functions are arrays, and the last arguments are values that change from call to

@@ -94,11 +94,11 @@ def copy_in_order(points, staged, order1, order2, first, end):
     points : array (n1, n2)
         Values in the order of the grid.
     staged : array (n1, >= n2)
-        Array to which the points are copied, and from which the rows are then transformed.
+        Array to which the points are copied. The rows of `staged` are transformed afterwards.
     order1, order2 : array
         Grid indices of the rows, and of the points in each row, in the order of the transform.
     first, end : int
-        First row, and row after the last one.
+        Index of the first row, and index of the last row plus 1.
     """
     n2 = order2.size
     for i in range(first, end):
@@ -126,7 +126,7 @@ def copy_back(staged, points, order1, order2, first, end):
 def copy_columns(columns, block, twist, order):
     """Copy columns to the rows of a block, in the order of the transform.
 
-    If the first axis is free, the factors `twist` are given. Each column then has two rows in the block. The row in the
+    If the first axis is free, the factors `twist` are given, and each column has two rows in the block. The row in the
     first half of the block contains the points, and its transform gives the waves with even numbers. The row in the
     second half contains the points multiplied by `twist`, and its transform gives the waves with odd numbers. Zeros are
     appended to both rows.

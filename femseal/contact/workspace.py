@@ -159,7 +159,7 @@ class Workspace:
         self._loops = _IN_PARTS if self.pressure.size > projection.PART else _UNDIVIDED
 
     def start(self, pressure: Array, limit: Array) -> None:
-        """Set the initial pressure [Pa], which is given on this grid or on the next coarser one.
+        """Set the initial pressure [Pa], which is given on the grid or on the next coarser grid.
 
         limit : array (1,) or (n1, n2), largest pressure [Pa].
         """

@@ -64,7 +64,7 @@ def study_figure(
     study : FaceResult or BlocksResult
         Result of a deterministic or two-scale study, or of a study in blocks.
     ax : Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default, a new figure is made.
     label : str, optional
         Name of the study in the legend.
 
@@ -93,7 +93,7 @@ def realisations_figure(
     study : StochasticResult
         Result of a stochastic study.
     ax : Axes, optional
-        Axes to draw into; by default those of a new figure.
+        Axes to draw into; by default, a new figure is made.
     label : str, optional
         Name of the study in the legend.
 

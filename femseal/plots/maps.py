@@ -141,7 +141,7 @@ def surface_fields(results: Results, step: int) -> list[Array]:
 
 
 def _reduced(field: Array) -> Array:
-    """Average a field over blocks of pixels if it has more pixels than a map shows."""
+    """Average a field over blocks of pixels if the field has more pixels than a map can show."""
     if max(field.shape) <= MOST_POINTS:
         return field
     return block_means(field, MOST_POINTS).astype(float)

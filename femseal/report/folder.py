@@ -75,7 +75,7 @@ def write_folder(
         Format of the files in `vtk/`, see `write_vtk`.
     fields_limit : float
         Largest size of the fields over all pixels before compression [byte]. If the fields are larger, some load steps
-        are left out; the attribute "left_out" of the dataset lists them.
+        are left out; the attribute "left_out" of the dataset lists these steps.
     mapper : callable
         Function that applies a stage to its arguments, like the builtin `map`. A mapper that uses several processes
         writes several files at the same time.

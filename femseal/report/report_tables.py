@@ -183,7 +183,7 @@ class _BudgetLine(NamedTuple):
     Attributes
     ----------
     source : source of error.
-    half_widths : half-width of the 95 % interval of ln(leakage) due to this source, (steps,).
+    half_widths : half-width of the 95 % interval of ln(leakage) due to the source, (steps,).
     note : explanation of how the half-width was estimated.
     """
 

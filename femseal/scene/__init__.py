@@ -1,4 +1,4 @@
-"""Describe a scene, which consists of a surface, its loads and its fluid, and solve its contact at every load step.
+"""Describe a scene, that is, a surface, its loads and its fluid, and solve the contact at every load step.
 
 scene             surface + loads + fluid                                  -> Scene, FluidState
 fluid_coupling    contact of the whole surface under the fluid pressure of the flow through its gap

@@ -1,4 +1,4 @@
-"""Compute the pressure of liquid that is trapped in closed pockets and resists their compression.
+"""Compute the pressure of liquid that is trapped in closed pockets and resists the compression of the pockets.
 
 The amount of liquid in a pocket is the volume that the liquid has at the pressure of the surroundings. If the liquid
 has the volume V at the pressure p, its amount is V exp(p/B), with the bulk modulus B. As long as a pocket stays closed,
@@ -186,7 +186,7 @@ def _amount_per_area(
     The amount of liquid depends on the state of the point at the previous load. If the point was open and outside of
     pockets, the gap of the point is filled with liquid at the pressure `surrounding`. If the point was in a pocket, the
     liquid of this pocket is distributed over the points of the pocket in proportion to their gaps. If the point was in
-    contact, it contains no liquid.
+    contact, it has no liquid.
 
     The parameters are explained in `liquid_in_pockets`; `pixel_area` is the area of a pixel [m²].
     """

@@ -54,7 +54,7 @@ class Variation:
     Parameters
     ----------
     name : str
-        Name of the folder of this case.
+        Name of the results folder of the case.
     setting : str
         Text with the changed keys and their values, for tables and messages.
     values : tuple of str
