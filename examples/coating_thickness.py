@@ -1,4 +1,4 @@
-"""Which force does a silver-plated ring need, over the thickness of its plating?
+"""Compute the force that a silver-plated ring needs, as a function of the thickness of its plating.
 
     python examples/coating_thickness.py OUT
 
@@ -31,7 +31,7 @@ MORE_FORCE = 10
 class Need(NamedTuple):
     """Force [kN] from which on the ring meets the limit: as computed, and by both ends of the 95 % interval.
 
-    A force is inf if no force of the run is enough, and 0 if the lowest one is.
+    A force is inf if no force of the run is enough, and 0 if the lowest force is enough.
     """
 
     computed: float

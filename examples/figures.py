@@ -354,7 +354,7 @@ def _floor(k):
 
 
 def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
-    """Simulate seals of several lengths, given in lengths of the surface, which are unloaded from four loads."""
+    """Simulate seals of several lengths (in lengths of the surface), which are unloaded from four loads."""
     prepared, count = fs.preparation.prepare(case), case.stochastic.realisations or SEALS
     scene, top = prepared.scene, prepared.scene.loading[-1]
     peaks = tuple(part * top for part in PEAKS)
@@ -362,13 +362,13 @@ def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
     scene = replace(
         scene, loading=tuple(sorted({*scene.loading, *peaks})), unload_from=peaks, unloading=stops
     )
-    found = []
+    seals = []
     for n in lengths:
         sampling = fs.Sampling(
             n * scene.surface.size[1], count, seed=case.seed, median_fields=False
         )
-        found.append(fs.stochastic(scene, prepared.cells, sampling))
-    return found
+        seals.append(fs.stochastic(scene, prepared.cells, sampling))
+    return seals
 
 
 def leakage(seals: list) -> Figure:
@@ -440,7 +440,7 @@ def constrictions(results: fs.Results) -> Figure:
     q, fractions = data["leakage_two_scale"].values, data["cell_drop_fraction"].values
     leaking = np.flatnonzero(np.nan_to_num(q) != 0)
     if leaking.size == 0:
-        raise fs.InputError("results", "a seal that never leaks", "one that does")
+        raise fs.InputError("results", "a seal that never leaks", "a seal that leaks at some load")
     least = int(leaking[np.argmin(np.abs(q[leaking]))])
     figure = _sheet(3.1)
     left, right = figure.subplots(1, 2)
@@ -483,12 +483,12 @@ def main() -> None:
     parser.add_argument("results", type=Path)
     parser.add_argument("out", type=Path)
     parser.add_argument("case", type=Path, nargs="?")
-    given = parser.parse_args()
-    results = fs.open_results(given.results)
-    case = fs.load_case(given.case) if given.case else None
+    options = parser.parse_args()
+    results = fs.open_results(options.results)
+    case = fs.load_case(options.case) if options.case else None
     if case is not None and results.case != case.echo():
-        raise fs.InputError("case", f"'{given.case}'", "the case of the results")
-    given.out.mkdir(parents=True, exist_ok=True)
+        raise fs.InputError("case", f"'{options.case}'", "the case of the results")
+    options.out.mkdir(parents=True, exist_ok=True)
     drawings = {
         "0_face": lambda: face_and_leakage(results),
         "1_two_scales": lambda: two_scales(results),
@@ -506,8 +506,8 @@ def main() -> None:
                 print(f"figure {name} is left out: {error}")
                 continue
             for suffix in (".pdf", ".png"):
-                figure.savefig(given.out / f"figure_{name}{suffix}")
-            print(given.out / f"figure_{name}.pdf")
+                figure.savefig(options.out / f"figure_{name}{suffix}")
+            print(options.out / f"figure_{name}.pdf")
 
 
 if __name__ == "__main__":

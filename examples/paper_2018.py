@@ -64,12 +64,12 @@ def global_contact(scene: fs.Scene, cells: tuple[int, int]) -> list[tuple]:
     load = {"loading": scene.loading, "unload_from": scene.unload_from}
     load |= {"unloading": scene.unloading, "hardness": scene.hardness}
     periodic = tuple(kind == "periodic" for kind in scene.boundary)
-    found = []
+    states = []
     for state in fs.load_cycle(coarse.gap(), body, **load):
         opposite = state.contact.raw_gap + coarse.heights
         opposite = fs.Topography(opposite, coarse.spacing, periodic).resample(face.shape).heights
-        found.append((state, opposite - face.heights))
-    return found
+        states.append((state, opposite - face.heights))
+    return states
 
 
 def window_contact(gap0, raw_gap, body, pressure, hardness, deformation):
@@ -96,19 +96,20 @@ def windows_of_links(scene: fs.Scene, axis: int, states: list, cells=CELLS) -> n
     gap0 = cut(scene.surface.gap(), cells, axis)
     body = fs.HalfSpace(gap0.shape[2:], scene.surface.spacing, scene.modulus, "mirror")
     left = {None: np.zeros_like(gap0)}  # plastic deformation at the peak before an unloading
-    found = []
-    for state, of_face in states:
-        raw_gap = cut(of_face, cells, axis)
+    fields = []
+    for state, surface_gap in states:
+        raw_gap = cut(surface_gap, cells, axis)
         pressure = cut(state.contact.pressure, cells, axis).mean(axis=(2, 3))
         k, deformed = np.empty(pressure.shape), left[state.unloaded_from].copy()
         for w in np.ndindex(pressure.shape):
-            given = (gap0[w], raw_gap[w], body, pressure[w], scene.hardness, deformed[w])
-            gap, deformed[w] = window_contact(*given)
+            gap, deformed[w] = window_contact(
+                gap0[w], raw_gap[w], body, pressure[w], scene.hardness, deformed[w]
+            )
             k[w] = fs.cell_permeability(gap, scene.surface.spacing, axis=axis).value
         if state.unloaded_from is None:
             left[state.pressure] = deformed
-        found.append((pressure, raw_gap.mean(axis=(2, 3)), k))
-    return np.array(found).swapaxes(0, 1)
+        fields.append((pressure, raw_gap.mean(axis=(2, 3)), k))
+    return np.array(fields).swapaxes(0, 1)
 
 
 def leakage(scene: fs.Scene, k1: np.ndarray, k2: np.ndarray) -> np.ndarray:
@@ -153,14 +154,14 @@ def step_down(k, start, end, change, rng) -> np.ndarray:
 def drawn_links(scene: fs.Scene, windows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """Choose random permeabilities (step, row, column) for the links along one axis of a seal."""
     steps, load = scene.steps, scene.steps.pressures
-    pressure, separation, of_windows = (field.reshape(len(steps), -1) for field in windows)
-    top, links = len(steps.loading) - 1, of_windows.shape[1]
+    pressure, separation, window_k = (field.reshape(len(steps), -1) for field in windows)
+    top, links = len(steps.loading) - 1, window_k.shape[1]
     order = np.lexsort((-separation[top], pressure[top]))
-    k = np.empty_like(of_windows)
-    k[top] = of_windows[top, order[alike(np.argsort(order), 0, links, ALIKE_IN_PRESSURE, rng)]]
+    k = np.empty_like(window_k)
+    k[top] = window_k[top, order[alike(np.argsort(order), 0, links, ALIKE_IN_PRESSURE, rng)]]
     for branch in (range(top, -1, -1), range(top, len(steps))):
         for s, t in pairwise(branch):
-            k[t] = step_down(k[s], of_windows[s], of_windows[t], load[t] - load[s], rng)
+            k[t] = step_down(k[s], window_k[s], window_k[t], load[t] - load[s], rng)
     return k.reshape(windows.shape[1:])
 
 
@@ -172,13 +173,14 @@ def drawn_seals(scene: fs.Scene) -> np.ndarray:
 
 if __name__ == "__main__":
     scene, rng = strip(), np.random.default_rng(1)
-    of_face, states = fs.deterministic(scene).leakage, global_contact(scene, CELLS)
+    surface_leakage = fs.deterministic(scene).leakage
+    states = global_contact(scene, CELLS)
     windows = [windows_of_links(scene, axis, states) for axis in (0, 1)]
     links = leakage(scene, *(permeability for _, _, permeability in windows))
     drawn = [leakage(scene, *(drawn_links(scene, w, rng) for w in windows)) for _ in range(16)]
     low, median, high = np.quantile(drawn, (0.05, 0.5, 0.95), axis=0)
-    table = np.array([links, median, low, high, drawn_seals(scene)]) / of_face
-    print(f"{'load':31}  face [mL/(m·s)]  links  drawn derivatives    drawn seals")
-    for step, whole, ratio in zip(scene.steps, of_face, table.T, strict=True):
-        ratios = "{:5.2f}  {:4.2f} ({:.2f} to {:.2f})  {:11.2f}".format(*ratio)
-        print(f"{step.name:31}  {1e6 * whole:15.3g}  {ratios}")
+    table = np.array([links, median, low, high, drawn_seals(scene)]) / surface_leakage
+    print(f"{'load':31}  surface [mL/(m·s)]  links  random derivatives  stochastic seals")
+    for step, whole, ratio in zip(scene.steps, surface_leakage, table.T, strict=True):
+        ratios = "{:5.2f}  {:4.2f} ({:.2f} to {:.2f})  {:16.2f}".format(*ratio)
+        print(f"{step.name:31}  {1e6 * whole:18.3g}  {ratios}")

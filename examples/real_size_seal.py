@@ -32,7 +32,7 @@ def scene() -> fs.Scene:
 def drawn_seal(
     length: float = 0.1, breadth: float = 0.54e-3, realisations: int | None = None
 ) -> fs.StochasticResult:
-    """Simulate seals of a given length and breadth [m].
+    """Simulate seals of a given length and width [m].
 
     By default, the number of realisations is chosen so that the 95 % interval is accurate.
     """

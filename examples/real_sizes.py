@@ -1,4 +1,4 @@
-"""Do the findings of Pérez-Ràfols et al. (2018) hold at the size of a real seal?
+"""Test whether the findings of Pérez-Ràfols et al. (2018) hold at the size of a real seal.
 
     python examples/real_sizes.py OUT [--realisations 3]
 
@@ -6,10 +6,10 @@
 2. Plotted against the mean gap, the permeability approaches h̄³/12. Plotted against the pressure, loading and unloading
    follow different curves.
 3. On unloading, the leakage stays nearly constant at first. For each hardness, seals of 1 mm to 0.1 m length and 0.5 to
-   5 mm breadth are simulated from one surface.
+   5 mm width are simulated from one surface.
 4. If the leakage is small, a few constrictions carry the pressure drop, whatever the size of the surface.
 
-The surfaces are self-affine (Hurst exponent 0.8), and their cells are 50 µm long and broad. The script writes
+The surfaces are self-affine (Hurst exponent 0.8), and their cells are squares of 50 µm. The script writes
 real_sizes.csv (finding 3), real_sizes_cells.csv (findings 1, 2 and 4) and a picture into the folder OUT.
 """
 
@@ -172,7 +172,7 @@ def _draw(rows, faces):
                 some = [r for r in chosen if r["breadth_mm"] == breadth and r["peak/H"] == peak]
                 some.sort(key=lambda r: r["length_mm"])
                 ax.plot([r["length_mm"] for r in some], [r["growth_at_half_load"] for r in some], marker=marker,
-                        ms=4, mfc="none", color=colour, label=f"peak {peak:g} H, {breadth:g} mm broad")  # fmt: skip
+                        ms=4, mfc="none", color=colour, label=f"peak {peak:g} H, {breadth:g} mm wide")  # fmt: skip
         ax.set(
             xscale="log",
             xlabel="length of the seal [mm]",
@@ -227,8 +227,8 @@ def _draw_cells(axes, faces):
         ax.set_ylim(floor, None)
         ax.legend()
     for (n, result), marker in zip(faces.items(), "os^", strict=False):
-        found = [r for r in scatter(result, 1.0) if r["half_of_drop"]]
-        axes[2].plot([r["leakage_over_first"] for r in found], [r["half_of_drop"] for r in found], ls="", ms=4,
+        records = [r for r in scatter(result, 1.0) if r["half_of_drop"]]
+        axes[2].plot([r["leakage_over_first"] for r in records], [r["half_of_drop"] for r in records], ls="", ms=4,
                      marker=marker, label=f"{n * n} cells")  # fmt: skip
     axes[2].set(xscale="log", yscale="log", xlabel="leakage divided by that at the first load",
                 ylabel="cells that carry half\nof the pressure drop", title="constrictions")  # fmt: skip

@@ -10,8 +10,8 @@ and 2 µm deep, and then increased rapidly. The authors state that the physical 
 understood.
 
 The picture shows such a rapid increase. A scratch that is wide compared with its depth is pressed flat: with
-this profile, a width w and a pressure p, it closes elastically up to a depth of p w/(1.85 E*). From there on,
-roughness in the scratch still blocks the flow, until the leakage grows with the third power of the depth. With
+this profile, a width w and a pressure p, it closes elastically up to a depth of p w/(1.85 E*). In a deeper scratch,
+the roughness still blocks the flow, until the leakage grows with the third power of the depth. With
 the roughness and the loads assumed here, a scratch adds 0.01 mL/min from a depth of 0.5 to 1.3 µm on. A scratch
 of 2 µm in a width of 100 µm leaks at all of these loads; to press it flat, 4 GPa would be needed, more than the
 hardness of the steel.
@@ -63,7 +63,7 @@ def conductance(seat: fs.Topography, pressure: float) -> float:
 
 
 def leakages(pressure: float) -> tuple[float, np.ndarray]:
-    """Return the leakage of the seat [m³/s]: without a scratch, and with each of them, (width, depth)."""
+    """Return the leakage of the seat [m³/s] without a scratch, and with each scratch, (width, depth)."""
     strip = fs.RectangularSeal(SEAT, (1, 1))
     ends = {"inlet_pressure": INLET, "outlet_pressure": OUTLET}
     whole = fs.seal_leakage(strip, 1e-18, HYDROGEN, **ends)
@@ -71,14 +71,14 @@ def leakages(pressure: float) -> tuple[float, np.ndarray]:
     seat = lapped_seat()
     smooth = conductance(seat, pressure)
     parts = SEAT[1] / seat.size[1]  # number of such parts in the circumference
-    found = [
+    conductances = [
         [
             (parts - 1) * smooth + conductance(scratched(seat, width, depth), pressure)
             for depth in DEPTHS
         ]
         for width in WIDTHS
     ]
-    return parts * smooth * per_conductance, np.array(found) * per_conductance
+    return parts * smooth * per_conductance, np.array(conductances) * per_conductance
 
 
 def leaking_depth(leakage: np.ndarray, seat_leakage: float) -> float:

@@ -3,7 +3,7 @@
 
 This script computes Sobol indices for ranges of three inputs. The first-order index of an input is the
 fraction of the variance of ln(leakage) that this input explains alone. The total index also includes the interactions
-of the input with the others.
+of the input with the other inputs.
 If you have a case file, ``femseal.preparation.prepare(fs.load_case("seal.toml")).scene`` makes a scene from it.
 """
 
@@ -29,12 +29,12 @@ def log_leakage(values: np.ndarray) -> np.ndarray:
     The array `values` has the shape (3, n). Its rows are the hardness [Pa], a factor for the heights, and the viscosity
     [Pa·s].
     """
-    found = []
+    leakages = []
     for hardness, roughness, viscosity in values.T:
         face = fs.Topography(roughness * FACE.heights, FACE.spacing)
         scene = replace(SCENE, surface=face, hardness=hardness, fluid=fs.Liquid(viscosity))
-        found.append(fs.deterministic(scene).leakage[0])
-    return np.log(found)
+        leakages.append(fs.deterministic(scene).leakage[0])
+    return np.log(leakages)
 
 
 def indices(count: int = 64) -> tuple[np.ndarray, np.ndarray]:
@@ -42,10 +42,10 @@ def indices(count: int = 64) -> tuple[np.ndarray, np.ndarray]:
 
     The argument `count` must be a power of 2.
     """
-    found = sobol_indices(
+    result = sobol_indices(
         func=log_leakage, n=count, dists=[loguniform(*ends) for ends in RANGES.values()], rng=1
     )
-    return found.first_order, found.total_order
+    return result.first_order, result.total_order
 
 
 if __name__ == "__main__":

@@ -129,7 +129,7 @@ class MeshSystem:
         ----------
         local : array (n, m, m), matrices of the elements. The sum of each row must be 0.
         rtol : largest relative error of the potential in the energy norm.
-        solver : name of a solver of the plain path, or "auto".
+        solver : name of a solver of sparse matrices, see `PLAIN_SOLVERS`, or "auto".
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""The plain path of a cell, assembled by scikit-fem, is the reference of the fast one."""
+"""The reference implementation of a cell, assembled by scikit-fem, against the fast implementation."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Flow over rectangles: the fast path against scikit-fem on the mesh, bounds, and closed forms."""
+"""Flow over rectangles: the fast implementation against scikit-fem on the mesh, bounds, and closed forms."""
 
 from itertools import pairwise
 
