@@ -3,6 +3,7 @@
 plausibility     Warnings about a scene and its solution. Every study calls `result_warnings`.
 quick_estimate   Contact and leakage from the spectrum of the surface alone.
 flow_limits      Warnings about flow outside of the model: choked flow, inertia, gases that are not ideal.
+limited_ratios   Warnings if the median of stochastic seals is a limit, because a ratio of leakages was limited.
 coatings         Warnings if a coating is thin compared with roughness, plastic deformation or contact patches.
 form_effect      Effects of the curvature and of the longest waves of a measured patch on its leakage.
 """
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from .coatings import coating_depth_warnings, constrained_hardness_ratio
     from .flow_limits import choked_flux, flow_warnings, gas_warnings
     from .form_effect import FormEffect, solve_form_effect
+    from .limited_ratios import limited_factor_warnings, limited_median_warnings
     from .plausibility import line_contact_warnings, result_warnings, scene_warnings
     from .quick_estimate import QuickEstimate, estimate_scene, estimate_surface, mean_modulus
 else:

@@ -10,9 +10,16 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, FemsealError, InputError, Mapper, Shape, Stage
-from ..checks import QuickEstimate, estimate_scene, line_contact_warnings, result_warnings
+from ..checks import (
+    QuickEstimate,
+    estimate_scene,
+    limited_factor_warnings,
+    limited_median_warnings,
+    line_contact_warnings,
+    result_warnings,
+)
 from ..face.cell_flow import Failed, SolveCounts
-from ..face.cells import MOST_RATIO, Cut
+from ..face.cells import MOST_FACTOR, MOST_RATIO, Cut
 from ..scene import Scene
 from ..seal.tiles import SealTiles
 from .cell_states import PatchLeakage
@@ -349,7 +356,21 @@ def _result_warnings(
     )
     if contact is not None and "row_pressure" in row_fields:
         warnings += line_contact_warnings(scene, row_fields["row_pressure"])
-    return warnings
+    cells = supply.cells
+    if supply.tiles.in_order:
+        limits = limited_median_warnings(
+            scene.steps, median_leakage, cells.surface_leakage, MOST_RATIO
+        )
+    else:
+        limits = limited_factor_warnings(
+            scene.steps,
+            median_leakage,
+            cells.steps,
+            cells.surface_leakage,
+            cells.cells_leakage,
+            MOST_FACTOR,
+        )
+    return (*warnings, *limits)
 
 
 def _edge_distance(supply: CellSupply) -> Array:
