@@ -100,6 +100,6 @@ def _warn(steps: LoadProgramme, median: Array, is_limited: Array, reason: str) -
     if limited_steps.size > 1:
         loads += f" and {counted(limited_steps.size - 1, 'more load')}"
     yield (
-        f"The median leakage is only a limit at {loads}: {reason}. Single constrictions decide such loads: judge them by "
-        "the upper end of the interval, or generate or measure a larger surface"
+        f"The median leakage is only a limit at {loads}: {reason}. Single constrictions decide such loads: judge "
+        "them by the upper end of the interval, or generate or measure a larger surface"
     )
