@@ -21,6 +21,7 @@ from ..case.reading import parse_case
 from ..case.template import as_toml
 from ..materials import VICKERS_PRESSURE
 from ..topography.profile_roughness import profile_roughness
+from .drawing_check import spacing_of_periodic_marks
 from .drawing_values import Drawing
 from .surface import condition_surface
 
@@ -153,8 +154,7 @@ def case_of_drawing(drawing: Drawing) -> str:
 def _scale_to_drawing(drawing: Drawing, case: Case) -> float:
     """Return the factor by which the heights must be multiplied to obtain the Ra or Rz of the drawing."""
     surface = condition_surface(case).surface.shortest_patch
-    spacing = drawing.pitch if drawing.process in ("turned", "ground") else None
-    roughness = profile_roughness(surface, spacing)
+    roughness = profile_roughness(surface, spacing_of_periodic_marks(case.face[0]))
     if drawing.ra is not None:
         return drawing.ra / roughness.ra
     assert drawing.rz is not None

@@ -1,18 +1,19 @@
 """Compute Ra and Rz of profiles across the lay of a generated surface, for comparison with a drawing.
 
-The long-wave filter is chosen by the mean spacing RSm of the profile elements, which is the feed per revolution of a
-turned surface. If the surface is shorter than the cut-off of the long-wave filter, the profiles are not filtered.
-Sources: ISO 21920-2 (Ra, Rz), ISO 21920-3 (filters).
+The profiles are filtered as a roughness tester does: a Gaussian filter with the cut-off λc (ISO 16610-21) removes the
+long waves. For periodic profiles, λc is chosen by the mean spacing RSm of the profile elements, which is the feed per
+revolution of a turned surface. For irregular profiles, λc is chosen by Ra. If the surface is shorter than λc, the
+profiles are not filtered. Sources: ISO 4288 and ISO 21920-3 (choice of λc), ISO 21920-2 (Ra, Rz, Rq).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from .describe import _gaussian_filter, _profile_parameters
+from .describe import _SERIES, _gaussian_filter
 from .topography import Topography
 
-#: Largest mean spacing RSm [m] for each long-wave filter λc [m], see ISO 21920-3.
+#: Largest mean spacing RSm [m] for each long-wave filter λc [m], see ISO 4288 and ISO 21920-3.
 _FILTERS = ((4e-5, 8e-5), (1.3e-4, 2.5e-4), (4e-4, 8e-4), (1.3e-3, 2.5e-3), (4e-3, 8e-3))
 #: Largest number of sections of the length λc over which Rz is averaged.
 _SECTIONS = 5
@@ -26,12 +27,15 @@ class ProfileRoughness:
     ----------
     ra, rz : float
         Arithmetic mean deviation Ra [m], and mean peak-to-valley height Rz [m] of the sections of a profile.
+    rq : float
+        Root mean square deviation Rq [m].
     cut_off : float
         Cut-off λc of the long-wave filter [m]; NaN if the surface is too short to be filtered.
     """
 
     ra: float
     rz: float
+    rq: float
     cut_off: float
 
 
@@ -43,8 +47,8 @@ def profile_roughness(surface: Topography, spacing: float | None = None) -> Prof
     surface : Topography
         The surface, without undefined points.
     spacing : float, optional
-        Mean spacing RSm of the profile elements [m], from which the long-wave filter is chosen. If `spacing` is None,
-        the filter is chosen from Ra.
+        Mean spacing RSm of the profile elements of a periodic profile [m], from which the long-wave filter is chosen.
+        If `spacing` is None, the profile is irregular, and the filter is chosen from Ra.
 
     Returns
     -------
@@ -60,12 +64,18 @@ def profile_roughness(surface: Topography, spacing: float | None = None) -> Prof
     >>> round(profile_roughness(wave, 1e-4).ra * 1e6, 2)
     0.63
     """
-    if spacing is None:
-        # NaN if the surface is shorter than every cut-off
-        parameters = _profile_parameters(surface, 0)
-        if np.isfinite(parameters.ra):
-            return ProfileRoughness(parameters.ra, parameters.rz, parameters.cut_off)
-    cut_off = np.nan if spacing is None else long_wave_filter(spacing)
+    if spacing is not None:
+        return _filtered_roughness(surface, long_wave_filter(spacing))
+    # from the longest cut-off to the shortest, until Ra is large enough for the filter
+    for filters in _SERIES:
+        roughness = _filtered_roughness(surface, filters.long)
+        if roughness.ra > filters.least_ra:
+            break
+    return roughness
+
+
+def _filtered_roughness(surface: Topography, cut_off: float) -> ProfileRoughness:
+    """Compute the roughness of the profiles along x1 without the waves that are longer than a cut-off λc [m]."""
     heights = surface.heights
     sections = 1  # of the length λc, over which Rz is averaged; the whole profile without a filter
     if cut_off <= surface.size[0]:
@@ -77,7 +87,12 @@ def profile_roughness(surface: Topography, spacing: float | None = None) -> Prof
     points = len(heights) // sections
     parts = np.split(heights[: sections * points], sections)
     rz = float(np.mean([np.ptp(part, axis=0) for part in parts]))
-    return ProfileRoughness(float(np.abs(heights).mean()), rz, float(cut_off))
+    return ProfileRoughness(
+        ra=float(np.abs(heights).mean()),
+        rz=rz,
+        rq=float(heights.std(axis=0).mean()),
+        cut_off=float(cut_off),
+    )
 
 
 def long_wave_filter(spacing: float) -> float:

@@ -5,6 +5,7 @@ import tomllib
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.ndimage import gaussian_filter1d
 
 import femseal as fs
 from femseal.base import InputError
@@ -12,7 +13,11 @@ from femseal.case.reading import parse_case
 from femseal.materials import METALS
 from femseal.preparation import case_of_drawing as drawing
 from femseal.preparation.case_of_drawing import case_of_drawing
-from femseal.preparation.drawing_check import drawing_text, drawing_warnings
+from femseal.preparation.drawing_check import (
+    drawing_text,
+    drawing_warnings,
+    spacing_of_periodic_marks,
+)
 from femseal.preparation.drawing_values import QUESTIONS, read_drawing
 from femseal.preparation.preparation import prepare
 from femseal.preparation.surface import condition_surface
@@ -64,6 +69,50 @@ def test_ra_and_rz_of_a_wave_have_closed_forms():
     ]
 
 
+def test_half_of_a_wave_as_long_as_the_filter_counts():
+    """By definition, the Gaussian filter transmits 50 % at its cut-off: Ra is 1/π of the amplitude, not 2/π."""
+    cut_off, amplitude = 0.8e-3, 1e-6
+    x = (np.arange(4000) + 0.5) * 1e-6  # five periods
+    wave = amplitude * np.cos(2 * np.pi * x / cut_off)
+    surface = fs.Topography(np.outer(wave, np.ones(2)), (1e-6, 1e-6))
+    # of periodic profiles with this spacing, and of irregular ones with Ra from 0.1 to 2 µm
+    for found in (profile_roughness(surface, 0.15e-3), profile_roughness(surface)):
+        assert found.cut_off == cut_off
+        assert_allclose(found.ra, amplitude / np.pi, rtol=1e-5)
+        assert_allclose(found.rq, amplitude / np.sqrt(8), rtol=1e-5)
+        assert_allclose(found.rz, amplitude, rtol=1e-5)
+
+
+@pytest.mark.parametrize("ra", [0.05e-6, 0.8e-6, 3e-6])
+def test_the_filter_of_an_irregular_profile_follows_from_its_roughness(ra):
+    """Ra of 0.02 to 0.1, 0.1 to 2 and 2 to 10 µm need 0.25, 0.8 and 2.5 mm; a shorter surface is not filtered."""
+    cut_off = {0.05e-6: 0.25e-3, 0.8e-6: 0.8e-3, 3e-6: 2.5e-3}[ra]
+    x = (np.arange(3000) + 0.5) * 1e-6
+    wave = np.pi / 2 * ra * np.cos(2 * np.pi * x / 30e-6)
+    surface = fs.Topography(np.outer(wave, np.ones(2)), (1e-6, 1e-6))
+    assert profile_roughness(surface).cut_off == cut_off
+    short = fs.Topography(surface.heights[:600], (1e-6, 1e-6))
+    found = profile_roughness(short)
+    if cut_off > 600e-6:
+        assert np.isnan(found.cut_off)
+    assert_allclose(found.ra, ra, rtol=1e-2)
+
+
+def test_a_ground_surface_has_the_ra_of_the_drawing_as_a_tester_measures_it():
+    """Ra of 0.8 µm is measured behind a filter of 0.8 mm, whatever the spacing of the marks."""
+    case = case_of(**TURNED | {"ra": "0.8um", "process": "ground", "pitch": "60um"})
+    surface = condition_surface(case).surface
+    # the weighting function of the filter, exp(−π(x/αλ)²), has the standard deviation αλ/√(2π), with α² = ln 2/π
+    deviation = np.sqrt(np.log(2) / np.pi) * 0.8e-3 / np.sqrt(2 * np.pi) / surface.spacing[0]
+    mean_line = gaussian_filter1d(surface.heights, deviation, axis=0, mode="reflect", truncate=6.0)
+    roughness = surface.heights - mean_line
+    assert_allclose(np.abs(roughness - roughness.mean(axis=0)).mean(), 0.8e-6, rtol=0.01)
+    (face,) = case.face
+    assert spacing_of_periodic_marks(face) is None
+    (turned,) = case_of(**TURNED).face
+    assert spacing_of_periodic_marks(turned) == pytest.approx(0.15e-3)
+
+
 @pytest.mark.parametrize(
     "given",
     [
@@ -83,7 +132,7 @@ def test_the_surface_has_the_roughness_of_the_drawing(given):
     case = case_of(**given)
     surface = condition_surface(case).surface
     (face,) = case.face
-    found = profile_roughness(surface, getattr(face, "pitch", None))
+    found = profile_roughness(surface, spacing_of_periodic_marks(face))
     key = "ra" if "ra" in given else "rz"
     assert getattr(found, key) == pytest.approx(getattr(face, key), rel=0.01)
     assert not list(drawing_warnings(case, surface))
