@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import femseal as fs
 from femseal.case import Case, parse_case
@@ -70,9 +71,9 @@ def needed_force(case: Case) -> Need:
     return Need(*(AREA * 1e-3 * pressure for pressure in (need.computed, need.low, need.value)))
 
 
-def draw(needs: dict[float, Need], bare: Need, path: Path) -> None:
+def draw(needs: dict[float, Need], path: Path) -> None:
     """Draw the force over the thickness of the plating, with the 95 % interval."""
-    import matplotlib.pyplot as plt
+    from femseal.plots.style import PAGE, STYLES, style
 
     thicknesses = [t for t in needs if t <= 100]
     lower, computed, upper = (
@@ -80,22 +81,25 @@ def draw(needs: dict[float, Need], bare: Need, path: Path) -> None:
         for name in ("lower", "computed", "upper")
     )
     solid = needs[max(needs)]
-    figure, axes = plt.subplots(figsize=(6.5, 4.2), layout="constrained")
-    axes.fill_between(thicknesses, lower, upper, color="C0", alpha=0.2, lw=0, label="95 % interval")
-    axes.plot(thicknesses, computed, "o-", color="C0", label="as computed")
-    axes.axhline(solid.computed, color="C0", ls=":", label="solid silver, as computed")
-    axes.set(
-        xscale="log",
-        ylim=(0, None),
-        xlabel="thickness of the silver, µm",
-        ylabel="force that the limit needs, kN",
-        title=f"Without silver: {bare.computed:.0f} kN, with the whole interval {bare.upper:.0f} kN",
-    )
-    axes.set_xticks(thicknesses, [f"{t:g}" for t in thicknesses])
-    axes.minorticks_off()
-    axes.legend(frameon=False)
-    figure.savefig(path, dpi=150)
-    plt.close(figure)
+    colour = STYLES[0]["color"]
+    with style():
+        figure = Figure(figsize=(PAGE, 0.75 * PAGE), layout="constrained")
+        axes = figure.subplots()
+        axes.fill_between(
+            thicknesses, lower, upper, color=colour, alpha=0.16, lw=0, label="95 % interval"
+        )
+        axes.plot(thicknesses, computed, "o-", color=colour, label="as computed")
+        axes.axhline(solid.computed, color=colour, ls=":", label="solid silver, as computed")
+        axes.set(
+            xscale="log",
+            ylim=(0, None),
+            xlabel="thickness of the silver [µm]",
+            ylabel="force that the limit needs [kN]",
+        )
+        axes.set_xticks(thicknesses, [f"{t:g}" for t in thicknesses])
+        axes.minorticks_off()
+        axes.legend()
+        figure.savefig(path, dpi=300)
 
 
 def main() -> None:
@@ -114,7 +118,8 @@ def main() -> None:
             writer.writerow([thickness or 0, *(f"{force:.3g}" for force in need)])
             file.flush()
     bare = needs.pop(0.0)
-    draw(needs, bare, out / "coating_thickness.png")
+    draw(needs, out / "coating_thickness.png")
+    print(f"without silver: {bare.computed:.3g} kN, with the whole interval {bare.upper:.3g} kN")
 
 
 if __name__ == "__main__":

@@ -29,6 +29,8 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import LogLocator, NullFormatter
 
 import femseal as fs
+from femseal.plots.leakage_curves import leakage_curves
+from femseal.plots.leakage_panels import leakage_panel
 
 WIDTH = 7.2  # 183 mm, two columns of a journal
 CLOSED, RED = "#B0B0B0", "#D7191C"
@@ -73,7 +75,10 @@ def face_and_leakage(results: fs.Results) -> Figure:
     else:
         left = maps.subplots()
     _draw_relief(left, results)
-    results.plot(ax=curves.subplots())
+    axes = curves.subplots()
+    leakage = leakage_curves(results)
+    handles = leakage_panel(axes, leakage)
+    axes.legend(handles=handles, title=leakage.title, handlelength=2.8)
     return figure
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,8 @@ _MOST_DECADES, _FEWEST_DECADES = 15, 0.5
 _BOTTOM_MARGIN, _TOP_MARGIN = 0.05, 0.06
 #: Marker and marker size of each method whose leakages are drawn as single points in addition to the main curve.
 _STUDY_MARKERS = {"two-scale": ("D", 5.5), "deterministic": ("x", 4), "blocks": ("s", 5)}
+#: Opacity of the shaded areas of intervals.
+_BAND_OPACITY = 0.16
 #: Unit [m²/s] and name of a leakage axis on which several results are drawn.
 COMMON_SCALE = (1.0, "leakage per length of seal [m²/s]")
 
@@ -159,8 +162,6 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
     list of artists
         Handles for a legend.
     """
-    from matplotlib.patches import Patch
-
     factor, leakage_name = curves.scale
     load_name, load_factor = curves.load_scale
     load = load_factor * curves.pressure
@@ -192,8 +193,31 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
     add_grid(axes)
     limit_lines(axes, {name: limit / factor for name, limit in curves.limits.items()})
     if curves.band is not None:
-        handles.append(Patch(color=GREY, alpha=0.3, lw=0, label=curves.band_name))
+        colours = [style["color"] for style in new_styles]
+        handles.append(band_handle(colours, curves.band_name))
     return handles
+
+
+class BandHandle(tuple[Any, ...]):
+    """Hold one patch for each shaded area that a legend entry stands for, and the text of the entry."""
+
+    label: str
+
+    def get_label(self) -> str:
+        """Return the text of the legend entry. Matplotlib calls this method."""
+        return self.label
+
+
+def band_handle(colours: Sequence[Any], label: str) -> BandHandle:
+    """Return a legend entry for the shaded areas of some branches. It shows their colours side by side."""
+    from matplotlib.legend import Legend
+    from matplotlib.legend_handler import HandlerTuple
+    from matplotlib.patches import Patch
+
+    Legend.update_default_handler_map({BandHandle: HandlerTuple(ndivide=None, pad=0)})
+    handle = BandHandle(Patch(color=colour, lw=0, alpha=_BAND_OPACITY) for colour in colours)
+    handle.label = label
+    return handle
 
 
 def set_leakage_axis(axes: Axes, values: Array) -> None:
@@ -265,7 +289,7 @@ def leakage_band(axes: Axes, load: Array, low: Array, high: Array, colour: Any) 
     """
     low, high = _within_scale(axes, low, high)
     if len(load) > 1:
-        axes.fill_between(load, low, high, color=colour, lw=0, alpha=0.16)
+        axes.fill_between(load, low, high, color=colour, lw=0, alpha=_BAND_OPACITY)
     else:
         axes.vlines(load, low, high, color=colour, lw=4, alpha=0.25)
 

@@ -29,7 +29,9 @@ def drawing_text(case: Case, surface: Surface) -> str:
     values = {"Ra": roughness.ra, "Rz": roughness.rz, "Rq": roughness.rq}
     heights = ", ".join(f"{name} {to_text(value, 'm', 3)}" for name, value in values.items())
     sq = to_text(surface.rms_height, "m", 3)
-    return f"along x1 {heights} ({cut_off}), Sq {sq} with all waves, rms slope {surface.rms_slope:.3g}"
+    return (
+        f"along x1 {heights} ({cut_off}), Sq {sq} with all waves, rms slope {surface.rms_slope:.3g}"
+    )
 
 
 def drawing_warnings(case: Case, surface: Surface) -> Iterator[str]:
