@@ -2,11 +2,11 @@
 
 The flow of data, top to bottom::
 
-    execution    how the items of a stage are computed and kept
+    execution    how the items of a stage are computed and stored
     topography   heights of a face: read, generate, condition            Topography, self_affine, turned, ...
     contact      heights + load -> contact pressure, gap                 HalfSpace, solve_contact, load_cycle
     flow         gap -> permeability of a cell                           cell_permeability, permeability_tensor
-    seal         permeability -> leakage of a seal of some shape         RectangularSeal, ..., seal_leakage
+    seal         permeability -> leakage of a seal of any shape          RectangularSeal, ..., seal_leakage
     face         a face cut into cells, and their permeability along any path of the pressure
     scene        surface + loads + fluid -> its contact states           Scene
     checks       plausibility checks and the quick estimate of a scene
@@ -17,13 +17,13 @@ The flow of data, top to bottom::
     report       the folder and the page of a run                        write_report
     case         a TOML file, checked                                    load_case
     preparation  a case -> the input of the studies                      preparation.prepare
-    refinement   coarser and finer versions of a case, a wanted accuracy
-    runs         a case, run: everything above                           run
+    refinement   coarser and finer versions of a case, up to a given accuracy
+    runs         a case -> results, by all of the above                  run
     sweeps       a case with several values of its keys                  sweep
     designs      results -> pressures that a leakage class needs         design
     calibration  a case and a leak test -> hardness and shortest wave    calibrate
 
-Everything is SI. Names are loaded when first used, so that importing the package is quick.
+All values are in SI units. Names are loaded when first used, so that importing the package is quick.
 """
 
 from functools import partial

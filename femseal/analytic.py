@@ -110,7 +110,8 @@ def wave_contact_fraction(ratio: ArrayLike) -> Array:
     Parameters
     ----------
     ratio : array_like
-        Ratio p̄/p* of the mean pressure to that for full contact, from 0 to 1, see `wave_full_contact_pressure`.
+        Ratio p̄/p*, from 0 to 1, of the mean pressure to the mean pressure p* of full contact, see
+        `wave_full_contact_pressure`.
 
     Examples
     --------
@@ -123,15 +124,15 @@ def wave_contact_fraction(ratio: ArrayLike) -> Array:
 def wave_pressure(x: ArrayLike, ratio: float, wavelength: float) -> Array:
     """Return the dimensionless contact pressure p/p* of a one-dimensional wave with a crest at x = 0.
 
-    p/p* = 2 cos ψ √(sin²ψ_a − sin²ψ) with ψ = πx/λ and sin²ψ_a = p̄/p*; it is 0 outside the contact. Source: Johnson
-    1985, eq. 13.8.
+    In the contact, p/p* = 2 cos ψ √(sin²ψ_a − sin²ψ), with ψ = πx/λ and sin²ψ_a = p̄/p*. Outside the contact, the
+    pressure is 0. Source: Johnson 1985, eq. 13.8.
 
     Parameters
     ----------
     x : array_like
         Position [m].
     ratio : float
-        Ratio p̄/p* of the mean pressure to that for full contact, with 0 < p̄/p* <= 1.
+        Ratio p̄/p* > 0 of the mean pressure to the mean pressure p* of full contact, at most 1.
     wavelength : float
         Wavelength λ [m].
     """
@@ -142,15 +143,16 @@ def wave_pressure(x: ArrayLike, ratio: float, wavelength: float) -> Array:
 def wave_gap(x: ArrayLike, ratio: float, half_height: float, wavelength: float) -> Array:
     """Return the gap [m] of a one-dimensional wave with a crest at x = 0; 0 in the contact.
 
-    g = 2Δ (s √(s² − s_a²) − s_a² arcosh(s/s_a)) with s = |sin πx/λ| and s_a² = p̄/p*. It is the integral of the slope
-    (4πΔ/λ) cos ψ √(sin²ψ − sin²ψ_a), which follows from the solution of Westergaard (1939) outside the contact.
+    The gap is g = 2Δ (s √(s² − s_a²) − s_a² arcosh(s/s_a)) with s = |sin πx/λ| and s_a² = p̄/p*. The gap g is the
+    integral of the slope (4πΔ/λ) cos ψ √(sin²ψ − sin²ψ_a), which follows from the solution of Westergaard (1939)
+    outside the contact.
 
     Parameters
     ----------
     x : array_like
         Position [m].
     ratio : float
-        Ratio p̄/p* of the mean pressure to that for full contact, from 0 to 1.
+        Ratio p̄/p*, from 0 to 1, of the mean pressure to the mean pressure p* of full contact.
     half_height, wavelength : float
         Amplitude Δ and wavelength λ [m].
     """
@@ -165,14 +167,14 @@ def wave_gap(x: ArrayLike, ratio: float, half_height: float, wavelength: float) 
 def wave_groove_flow(ratio: float, points: int = 200) -> float:
     """Return the dimensionless mean cube of the gap, ⟨g³⟩/(2Δ)³, for the flow along the grooves of a wave.
 
-    The permeability along the grooves is (2Δ)³/12 times this value. It is 5/16 for p̄ = 0. The integral over the open
-    part is computed by Gauss-Legendre quadrature, with points graded towards the edge of the contact, because the gap
-    is proportional to (s − s_a)^{3/2} there.
+    The permeability along the grooves is (2Δ)³/12 times the returned value, which is 5/16 for p̄ = 0. The mean over the
+    open part of the wave is computed by Gauss-Legendre quadrature. The quadrature points are dense near the edge of the
+    contact, where the gap is proportional to (s − s_a)^{3/2} (see `wave_gap` for s and s_a).
 
     Parameters
     ----------
     ratio : float
-        Ratio p̄/p* of the mean pressure to that for full contact, from 0 to 1.
+        Ratio p̄/p*, from 0 to 1, of the mean pressure to the mean pressure p* of full contact.
     points : int
         Number of quadrature points.
 
@@ -201,7 +203,8 @@ def wavy_full_contact_pressure(modulus: float, half_height: float, wavelength: f
 def wavy_contact_fraction_light(ratio: ArrayLike) -> Array:
     """Return the contact fraction π(3p̄/8πp*)^⅔ of a two-dimensional wave for p̄/p* → 0.
 
-    Each area λ² then contains two Hertzian contacts. Source: Johnson, Greenwood & Higginson 1985.
+    In the limit p̄/p* → 0, each square λ × λ of the surface contains two Hertzian contacts. Source: Johnson, Greenwood
+    & Higginson 1985.
     """
     return pi * (3 * _reals(ratio) / (8 * pi)) ** (2 / 3)
 
@@ -209,8 +212,8 @@ def wavy_contact_fraction_light(ratio: ArrayLike) -> Array:
 def wavy_contact_fraction_full(ratio: ArrayLike) -> Array:
     """Return the contact fraction 1 − (3/2π)(1 − p̄/p*) of a two-dimensional wave for p̄/p* → 1.
 
-    The remaining open spots are treated as penny-shaped cracks under pressure. Source: Johnson, Greenwood & Higginson
-    1985.
+    In the limit p̄/p* → 1, the remaining open spots are treated as penny-shaped cracks under pressure. Source: Johnson,
+    Greenwood & Higginson 1985.
     """
     return 1 - 3 / (2 * pi) * (1 - _reals(ratio))
 
@@ -226,7 +229,7 @@ def parallel_plates(gap: ArrayLike) -> Array:
 def wavy_gap_along(gap: float, amplitude: float) -> float:
     """Return the permeability (h₀³/12)(1 + 3ε²/2) [m³] of the gap h₀(1 + ε cos(2πx/λ)), for flow along the ridges.
 
-    It is the arithmetic mean of h³/12.
+    The permeability along the ridges is the arithmetic mean of h³/12.
 
     Parameters
     ----------
@@ -241,7 +244,7 @@ def wavy_gap_along(gap: float, amplitude: float) -> float:
 def wavy_gap_across(gap: float, amplitude: float) -> float:
     """Return the permeability (h₀³/12)(1 − ε²)^{5/2}/(1 + ε²/2) [m³] of the gap h₀(1 + ε cos(2πx/λ)) across the ridges.
 
-    It is the harmonic mean of h³/12.
+    The permeability across the ridges is the harmonic mean of h³/12.
 
     Parameters
     ----------
@@ -256,9 +259,9 @@ def wavy_gap_across(gap: float, amplitude: float) -> float:
 def large_gap(mean_gap: ArrayLike, rms: float) -> Array:
     """Return the permeability (h̄³/12)(1 − 3σ²/2h̄²) [m³] of an isotropic rough gap, to second order in σ/h̄.
 
-    Roughness increases the permeability along ridges by the fraction 3σ²/h̄², and decreases it across ridges by the
-    fraction 6σ²/h̄². The effect of isotropic roughness is the mean of the two. Source: Elrod, J. Lubr. Technol. 101,
-    1979, 8.
+    Ridges of the rms height σ increase the permeability along the ridges by the fraction 3σ²/h̄², and decrease the
+    permeability across the ridges by the fraction 6σ²/h̄². For isotropic roughness, the relative change of the
+    permeability is the mean of +3σ²/h̄² and −6σ²/h̄². Source: Elrod, J. Lubr. Technol. 101, 1979, 8.
 
     Parameters
     ----------
@@ -280,16 +283,17 @@ def stripes_across(permeabilities: ArrayLike) -> float:
 def checkerboard(k1: float, k2: float) -> float:
     """Return the permeability √(k₁k₂) of a checkerboard of squares with the permeabilities k₁ and k₂.
 
-    The result is exact for any ratio of the two. Source: Dykhne, Sov. Phys. JETP 32, 1971, 63.
+    The result is exact for any ratio k₁/k₂. Source: Dykhne, Sov. Phys. JETP 32, 1971, 63.
     """
     return sqrt(k1 * k2)
 
 
 def log_symmetric_links(permeabilities: ArrayLike) -> float:
-    """Return the permeability exp⟨ln k⟩ of a large square lattice of independent links; 0 if one of them is closed.
+    """Return the permeability exp⟨ln k⟩ of a large square lattice of links with independent permeabilities k.
 
-    The result is exact if the distribution of ln k is symmetric, because the square lattice is self-dual. Sources:
-    Dykhne 1971; Marchant & Gabillard, C. R. Acad. Sci. 281 B, 1975, 261.
+    If one of the permeabilities is 0, the result is 0. For k > 0, the result is exact if the distribution of ln k is
+    symmetric, because the square lattice is equal to its dual lattice. Sources: Dykhne 1971; Marchant & Gabillard, C.
+    R. Acad. Sci. 281 B, 1975, 261.
     """
     k = _reals(permeabilities)
     return float(np.exp(np.mean(np.log(k)))) if np.all(k > 0) else 0.0
@@ -372,12 +376,12 @@ _erf = np.vectorize(erf, otypes=[float])
 _erfc = np.vectorize(erfc, otypes=[float])
 #: If the rms pressure of full contact exceeds the hardness by this factor, the contact fraction is p̄/H to all digits.
 _ALL_PLASTIC = 50.0
-#: Ratio γ of the elastic energy of a rough contact to that of full contact at the same pressure.
+#: Ratio γ of the elastic energy of a rough contact to the elastic energy of full contact at the same pressure.
 _ENERGY = 0.45
 #: Ratio of the gap of the critical junction to the mean gap u of the parts in apparent contact, at the resolution at
 #: which the first path opens.
 _PASSAGE = 2.0
-#: Contact fraction above which isotropic roughness has no open path.
+#: Contact fraction above which no open path crosses a surface with isotropic roughness.
 CLOSING_AREA = 0.42
 
 
@@ -385,13 +389,13 @@ def persson_area(pressure: ArrayLike, spread: ArrayLike, hardness: float = inf) 
     """Return the contact fraction of rough solids by Persson's theory.
 
     As waves of shorter and shorter wavelength are included, the distribution of the contact pressure spreads from its
-    mean p̄ by diffusion. Where the pressure reaches 0, contact is lost; where it reaches the hardness H, it remains
-    there. The contact fraction is
+    mean p̄ by diffusion. Points at which the pressure reaches 0 lose contact. Points at which the pressure reaches the
+    hardness H keep the pressure H. The contact fraction is
 
     erf(p̄/√2s) + Σ erfc((2kH − p̄)/√2s) − erfc((2kH + p̄)/√2s), k = 1, 2, …
 
-    with the rms pressure s of full contact. It is 1 for p̄ = H, and tends to p̄/H for s → ∞. Sources: Persson, J. Chem.
-    Phys. 115, 2001, 3840; Phys. Rev. Lett. 87, 2001, 116101 (with hardness).
+    with the rms pressure s of full contact. The contact fraction is 1 for p̄ = H, and tends to p̄/H for s → ∞. Sources:
+    Persson, J. Chem. Phys. 115, 2001, 3840; Phys. Rev. Lett. 87, 2001, 116101 (with hardness).
 
     Parameters
     ----------
@@ -445,20 +449,23 @@ def critical_junction(
 ) -> Junction:
     """Estimate the contact fraction of an isotropic surface, and the gap of its critical junction, from its spectrum.
 
-    Seen with the resolution of a wave number q, that is, with longer waves only, the surface has the apparent contact
-    fraction A(q), which decreases with q. With rising q, A falls below the percolation threshold, and a first open
-    path appears. Its narrowest point is the critical junction. In the parts of the surface that are in
-    apparent contact at this wave number, the shorter waves q′ keep the faces apart. The mean gap in these parts is
+    If only the waves up to a wave number q are resolved, the surface has the apparent contact fraction A(q), which
+    decreases with q. When A(q) falls below the percolation threshold, a first open path appears. The narrowest point of
+    the first open path is the critical junction. In the parts of the surface that are in apparent contact at the
+    resolution q, the shorter waves (wave numbers q′ > q) keep the faces apart. The mean gap between the faces in the
+    parts in apparent contact is
 
     u = √π ∫ q′²C w G(w p̄/AE*) dq′,
 
-    where 1/w² is half of the mean square slope of the waves between q and q′, C is the spectral density
-    (⟨z²⟩ = 2π ∫ q′C dq′), and G(y) = ∫ (γ + 3(1 − γ) erf²x) e^(−x²) dx/x from y to ∞ with γ = 0.45.
+    where 1/w² is half of the mean square slope of the waves between q and q′. C is the spectral density, normalised so
+    that ⟨z²⟩ = 2π ∫ q′C dq′. The function G(y) is the integral ∫ (γ + 3(1 − γ) erf²x) e^(−x²) dx/x from y to ∞, with
+    γ = 0.45.
 
-    The gap of the junction is taken as 2u, but not more than the mean gap. The factor 2 was determined from 100
-    surfaces: in the median, parallel plates with the gap of the junction then leak as much as the surface. The theory
-    itself would give the gap d(Au)/dA. For elastic solids this is 2u to 3u, but for solids that yield it may become
-    arbitrarily large. A solid that yields is replaced by a softer elastic solid with the same contact fraction.
+    The gap of the critical junction is set to 2u, but not to more than the mean gap. The factor 2 was determined from
+    the leakages of 100 surfaces: with this factor, the ratio of the leakage between parallel plates with the gap of the
+    junction to the leakage of the surface has the median 1. Persson's theory gives the gap d(Au)/dA instead of 2u. For
+    elastic solids, d(Au)/dA is 2u to 3u, but for solids that yield it may become arbitrarily large. A solid that yields
+    is replaced by a softer elastic solid with the same contact fraction.
     Sources: Persson & Yang, J. Phys. Condens. Matter 20, 2008, 315011; Yang & Persson, ibid., 215214.
 
     Parameters
@@ -474,7 +481,7 @@ def critical_junction(
     hardness : float
         Hardness H [Pa].
     closing : float
-        Contact fraction above which the surface has no open path.
+        Smallest contact fraction at which no open path crosses the surface.
     """
     q = _reals(waves)
     power = _reals(powers)
@@ -493,16 +500,18 @@ def critical_junction(
 def _gap_of_touching_parts(
     pressure: float, modulus: float, q: Array, power: Array, square_slope: Array, area: Array
 ) -> Array:
-    """Return the mean gap u of the parts that are in apparent contact, for each wave number (waves,) [m].
+    """Compute the mean gap u [m] of the parts in apparent contact, at the resolution of each wave number (waves,).
 
     Parameters
     ----------
     pressure : mean pressure p̄ [Pa].
     modulus : contact modulus E* [Pa].
-    q : wave numbers (waves,) [rad/m].
-    power : contribution of each wave number to the mean square height (waves,) [m²].
-    square_slope : mean square slope of the waves up to each wave number (waves + 1,).
-    area : contact fraction with the waves up to each wave number (waves + 1,).
+    q : array (waves,), wave numbers [rad/m].
+    power : array (waves,), contribution of each wave number to the mean square height [m²].
+    square_slope : array (waves + 1,), mean square slope of all waves up to each wave number, preceded by 0 for no
+        waves.
+    area : array (waves + 1,), contact fraction if only the waves up to each wave number are resolved, preceded by the
+        contact fraction without waves.
     """
     x, erf_x, G = _gap_integral()
     # an elastic solid with this modulus has the same contact fraction as the solid that yields
@@ -528,9 +537,9 @@ class _GapIntegral(NamedTuple):
 
     Attributes
     ----------
-    x : lower limits of the integral (points,).
-    erf : error function at these limits (points,).
-    G : integral from x to ∞ (points,).
+    x : array (points,), lower limits of the integral.
+    erf : array (points,), error function of x.
+    G : array (points,), integral from x to ∞.
     """
 
     x: Array

@@ -1,7 +1,7 @@
 """Define load programmes: the nominal pressures of a load cycle, on loading and on unloading from peak loads.
 
-Loads can also be given as forces on the seal, which are converted to nominal pressures by the size of the seal. Further
-functions evaluate how the leakage depends on the load.
+Loads can also be given as forces on the seal, which are converted to nominal pressures by the size of the seal. The
+functions `load_sensitivity`, `first_known` and `least_counted` evaluate the leakages of a load cycle.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class LoadStep:
     pressure : float
         Nominal pressure [Pa].
     unloaded_from : float, optional
-        Peak pressure [Pa] from which the seal is unloaded. None for a step of the loading.
+        Peak pressure [Pa] from which the seal is unloaded; None if the step belongs to the loading.
     """
 
     pressure: float
@@ -55,7 +55,7 @@ class LoadProgramme(tuple[LoadStep, ...]):
     """Hold the load steps in the order in which they are solved.
 
     The loading steps come first, followed by the unloading steps from each peak load. A load programme is a tuple of
-    steps. `LoadProgramme.of` makes it from lists of pressures, and checks them.
+    steps. `LoadProgramme.of` makes a load programme from lists of pressures, and checks the lists.
 
     Examples
     --------
@@ -84,13 +84,14 @@ class LoadProgramme(tuple[LoadStep, ...]):
         loading : sequence of float
             Rising pressures >= 0 of the loading [Pa].
         unload_from : sequence of float
-            Peak pressures from which the seal is unloaded [Pa]. Those that are not in `loading` are added to it.
+            Peak pressures from which the seal is unloaded [Pa]. Peak pressures that are missing in `loading` are added
+            to the loading.
         unloading : sequence of float
-            Pressures of the unloading [Pa]. The seal is unloaded from each peak to those pressures of this list that
-            are below the peak, in falling order.
+            Pressures of the unloading [Pa]. From each peak, the seal is unloaded in falling order to the pressures in
+            `unloading` that are below the peak.
         unit : str
-            Unit of the numbers in error messages, one of `LOAD_UNITS`. With another unit than Pa, forces can be checked
-            before they are converted to pressures.
+            Unit of the numbers in error messages, one of `LOAD_UNITS`. If `unit` is "N" or "N/m", the lists contain
+            forces, which can thus be checked before they are converted to pressures.
 
         Raises
         ------
@@ -126,7 +127,7 @@ class LoadProgramme(tuple[LoadStep, ...]):
 
     @property
     def loading(self) -> tuple[float, ...]:
-        """Pressures of the loading, including the peak pressures [Pa]."""
+        """Pressures of all loading steps, including the peak pressures [Pa]."""
         return tuple(s.pressure for s in self if s.unloaded_from is None)
 
     @property
@@ -149,7 +150,7 @@ class LoadProgramme(tuple[LoadStep, ...]):
     def peak_indices(self) -> Indices:
         """Index of the loading step at the peak load from which each step is unloaded, (steps,).
 
-        For a step of the loading, it is the index of the step itself.
+        The entry for a loading step is the index of the step itself.
         """
         peaks = (s.pressure if s.unloaded_from is None else s.unloaded_from for s in self)
         return np.array([self.loading.index(peak) for peak in peaks], dtype=np.int64)
@@ -236,8 +237,8 @@ def _rounded(pressure: float) -> float:
 def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
     """Estimate |d ln(leakage) / d ln(load)| at every load step.
 
-    At each step, the slope is computed to the previous and to the next step of the same branch. The result is the
-    larger of the two magnitudes.
+    The slope of ln(leakage) over ln(load) is computed from each step to the previous step and to the next step of the
+    same branch of the load cycle. The sensitivity is the slope with the larger magnitude.
 
     Parameters
     ----------
@@ -266,41 +267,43 @@ def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
 
 
 def neighbouring_steps(steps: LoadProgramme) -> list[tuple[int, int]]:
-    """Return index pairs (step, previous step on the same branch).
+    """List the index of each step together with the index of the previous step in the same branch of the load cycle.
 
-    The step before the first unloading step is the loading step at the peak load. The first step of the loading has no
-    previous step.
+    For the first step of an unloading, the previous step is the loading step at the peak load. The first loading step,
+    which has no previous step, is not listed.
     """
     pairs = []
     for branch in steps.branches:
-        # Adding the peaks puts the peak before the steps of an unloading, because its index is lower than theirs. It
-        # changes nothing for the loading, whose steps are their own peaks.
+        # The peak is added to the steps of an unloading, and comes first, because its index is the lowest. For the
+        # loading, nothing is added, because `peak_indices` of a loading step is the step itself.
         path = np.union1d(branch, steps.peak_indices[branch]).tolist()
         pairs += [(step, previous) for previous, step in pairwise(path)]
     return pairs
 
 
 def first_known(leakage: Array) -> int:
-    """Return the index of the first load step at which the leakage (steps,) is known; 0 if it is unknown everywhere.
+    """Return the index of the first load step at which the leakage is known; 0 if the leakage is unknown at all steps.
 
-    The leakage is unknown, for example, at steps at which the fluid pressure carries the whole load.
+    An example of an unknown leakage is a load step at which the fluid pressure carries the whole load.
+
+    leakage : array (steps,), leakage at each load step, NaN if it is unknown.
     """
     return int(np.argmax(np.isfinite(leakage)))
 
 
 def least_counted(leakage: Array) -> float:
-    """Return the leakage below which values are too small for comparisons.
+    """Return the limit below which a leakage is too small for comparisons.
 
-    It is `FLOOR` times the leakage at the first step at which the leakage is known. If it is unknown at all steps, NaN
-    is returned.
+    The limit is `FLOOR` times the leakage at the first load step at which the leakage is known. If the leakage is
+    unknown at all steps, the limit is NaN.
 
-    leakage : leakage at each load step (steps,), in any unit.
+    leakage : array (steps,), leakage at each load step, in any unit.
     """
     return float(FLOOR * np.abs(leakage[first_known(leakage)]))
 
 
 def _loads_text(loads: Sequence[float], unit: str) -> str:
-    """Write loads with their unit for a message; "an empty list" if there are none."""
+    """Write a list of loads and their unit as text for a message; the text for no loads is "an empty list"."""
     return ", ".join(to_text(load, unit) for load in loads) or "an empty list"
 
 

@@ -63,7 +63,7 @@ class ContactTable(Table):
 
 
 class FlowTable(Table):
-    """How flow is solved, in cells, in whole faces and over the seal."""
+    """How the flow is solved: in cells, in whole surfaces and over the seal."""
 
     solver: Literal[SOLVERS] = key(  # type: ignore[valid-type]
         "solver of the flow through cells and through the seal", "auto"
@@ -96,10 +96,10 @@ class StochasticTable(Table):
     """How random realisations of a seal are made, see `studies.Sampling`."""
 
     length: Length | None = key(
-        "length of a strip along x2; by default that of the surface", None, start="10 mm"
+        "length of a strip along x2; by default, the length of the surface", None, start="10 mm"
     )
     breadth: Annotated[Length, UsualRange(1e-6, 1.0, "m")] | None = key(
-        "breadth of a strip along x1; by default that of the surface", None, example="2 mm"
+        "breadth of a strip along x1; by default, the breadth of the surface", None, example="2 mm"
     )
     realisations: Annotated[int, Field(strict=True, ge=2)] | None = key(
         "number of realisations; by default as many as the 95 % interval needs", None, example=50
@@ -200,7 +200,7 @@ class Case(Table):
         return self
 
     def _check_accuracy(self) -> None:
-        """Raise an InputError if the case has an accuracy without an error budget, or a time limit without accuracy."""
+        """Raise an InputError if `accuracy` is given without an error budget, or `time_limit` without `accuracy`."""
         if self.accuracy is not None and not self.output.budget:
             expected = "true, because the error budget says when the accuracy is reached"
             raise InputError("output.budget", "false with accuracy", expected)
@@ -209,7 +209,7 @@ class Case(Table):
             raise InputError("time_limit", "a time without accuracy", expected)
 
     def _check_loads(self) -> None:
-        """Raise an InputError if the solid cannot carry the loads.
+        """Raise an InputError if the highest pressure of the load cycle is not below the hardness.
 
         Forces are checked later, because the nominal pressures are only known with the area of the seal.
         """
@@ -220,7 +220,7 @@ class Case(Table):
     def _check_pressures(self, table_key: str, table: FluidTable) -> None:
         """Raise an InputError if the inlet pressure of a fluid is not above the outlet pressure.
 
-        The same error is raised if the inlet pressure is outside the range in which the properties of the fluid are
+        An InputError is also raised if the inlet pressure is outside the range in which the properties of the fluid are
         defined.
         """
         if not table.inlet_pressure > table.outlet_pressure:
@@ -252,12 +252,14 @@ class Case(Table):
             check_classes(output.classes, output.nominal_diameter, test_basis)
 
     def _check_faces(self) -> None:
-        """Raise an InputError if the first face has keys that position a face on another one."""
+        """Raise an InputError if the first face has keys that position one face on the other, such as `shift`."""
         first = self.face[0]
         if isinstance(first, FileFace) and first.placement:
             given = ", ".join(sorted(first.placement))
             raise InputError(
-                "face.0", given, "no such keys here, only in the table of the second face"
+                "face.0",
+                given,
+                "no such keys in the table of the first face, only in the table of the second face",
             )
 
     def _check_seal(self) -> None:
@@ -276,9 +278,10 @@ class Case(Table):
                 raise InputError(f"stochastic.{name}", to_text(value, "m"), expected)
 
     def _check_seat(self) -> None:
-        """Raise an InputError if a seat that is not flat cannot be used with another table of the case.
+        """Raise an InputError if the case has a seat that is not flat, and another table that requires a flat seat.
 
-        The other tables are the boundary of the contact, the measured face, the shape of the seal and the pressure map.
+        With a seat that is not flat, the boundary of the contact must be free along x1, the form of a measured face
+        must be removed, the seal must be a strip or a ring, and a pressure map is not possible.
         """
         kind = self.seat.kind
         boundary = self.contact.boundary[0]  # along x1
@@ -302,33 +305,33 @@ class Case(Table):
             raise InputError("seal.kind", given, "a strip or a ring")
 
     def _check_map_and_form(self) -> None:
-        """Raise an InputError if a method of the case cannot use the pressure map or the form of the seal.
+        """Raise an InputError if a method of the case cannot use the pressure map or the form deviation of the seal.
 
-        The same error is raised if the case has both a pressure map and a form.
+        An InputError is also raised if the case has both a pressure map and a form deviation of the seal.
         """
         if self.load.map is not None:
-            why = "the other methods have one nominal pressure"
-            self._check_stochastic_alone("load.map", "a map", why)
+            reason = "the other methods have one nominal pressure"
+            self._check_stochastic_alone("load.map", "a map", reason)
         if self.seal.form:
-            why = "the other methods have the measured form of the surface"
-            self._check_stochastic_alone("seal.form", "a form", why)
+            reason = "the other methods have the measured form of the surface"
+            self._check_stochastic_alone("seal.form", "a form", reason)
             if self.load.map is not None:
-                expected = "one of them, because the form determines the pressure as well"
+                expected = "a map or a form, because the form determines the pressure as well"
                 raise InputError("load.map", "a map with seal.form", expected)
 
-    def _check_stochastic_alone(self, name: str, given: str, why: str) -> None:
-        """Check a key that only the stochastic method can use. Raise an InputError if the case has other methods.
+    def _check_stochastic_alone(self, name: str, given: str, reason: str) -> None:
+        """Raise an InputError if the case has a key that only the stochastic method can use, and other methods.
 
         Parameters
         ----------
         name : name of the key.
-        given : short description of the value of the key, for the message.
-        why : reason why the other methods cannot use the key, for the message.
+        given : short description of the value of the key, for the error message.
+        reason : reason why the other methods cannot use the key, for the error message.
         """
         others = self.methods - {"stochastic"}
         if others:
             given = f"{given} with the method {', '.join(sorted(others))}"
-            raise InputError(name, given, f"stochastic alone, because {why}")
+            raise InputError(name, given, f"stochastic alone, because {reason}")
 
     def _check_files(self) -> None:
         """Raise an InputError if a file that the case names does not exist."""
@@ -372,18 +375,18 @@ class Case(Table):
 
     @property
     def methods(self) -> set[str]:
-        """All methods of the run, that is, `method` and those in `compare`."""
+        """All methods of the run, from the keys `method` and `compare`."""
         return {self.method, *self.compare}
 
     @property
     def solids(self) -> tuple[Solid, Solid | None]:
-        """Solid of the face and solid of the counter-face, without coatings. A rigid counter-face is None."""
+        """Solid of the face and solid of the counter-face, without coatings; None for a rigid counter-face."""
         counter = self.counter_material
         return self.material.solid, None if counter is None else counter.solid
 
     @property
     def bodies(self) -> tuple[Solid | Coated, Solid | Coated | None]:
-        """The two bodies, which are solids with their coatings; the second is None if the counter-face is rigid."""
+        """Body of the face and body of the counter-face, with their coatings; None for a rigid counter-face."""
         counter = self.counter_material
         return self.material.body, None if counter is None else counter.body
 
@@ -391,7 +394,7 @@ class Case(Table):
     def law(self) -> ContactLaw:
         """Contact law of the softer solid. If neither solid yields, the law is elastic.
 
-        If the hardness curves of the two solids cross, the law takes the lower hardness at each depth.
+        If the hardness curves of the two solids cross, the contact law has the lower hardness at each depth.
         """
         counter = self.counter_material
         return softer_of(self.material.law, None if counter is None else counter.law)
@@ -422,7 +425,7 @@ class Case(Table):
 
     @property
     def modulus(self) -> float | Bodies:
-        """Contact modulus [Pa] or, if one of the bodies is coated, the pair of bodies."""
+        """Contact modulus [Pa]; if one of the two bodies is coated, the pair of bodies."""
         return checked_modulus(self.bodies)
 
     def echo(self) -> dict[str, Any]:

@@ -1,11 +1,11 @@
 """Complete the tables of a case before they are validated.
 
 - The name of a fluid or solid is replaced by its properties.
-- Gauge pressures become absolute pressures, and kinematic viscosities become dynamic viscosities.
+- Gauge pressures are converted to absolute pressures, and kinematic viscosities to dynamic viscosities.
 - Former names of keys are replaced by the present names.
-- Tables that the methods need are added.
+- Tables that are missing, but needed by the chosen methods, are added.
 
-Invalid values are left as they are: the validation reports them afterwards.
+Invalid values are not changed; the validation reports invalid values afterwards.
 """
 
 import re
@@ -42,7 +42,7 @@ _TABLES = (
 )
 #: Former keys of [face] and their present names. They are read until the next version.
 _RENAMED_FACE_KEYS = {"places": "patches"}
-#: Largest factor by which a property may differ from that of the named fluid or solid without a warning.
+#: Largest factor by which a property may differ from the property of the named fluid or solid without a warning.
 _ODD_RATIO = 2.0
 #: Units of the properties of a named solid.
 _SOLID_UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": "Pa"}
@@ -60,14 +60,14 @@ HARDNESS_COLUMNS = (
 
 
 def complete(data: RawTable) -> RawTable:
-    """Return the tables of a case, completed as described at the top of this module.
+    """Return the tables of a case with the changes that the docstring of the module lists.
 
-    The entry `named_warnings` of the returned data contains warnings about renamed keys, about a method that follows
-    from the accuracy, about metals at high temperatures, and about properties that differ by more than a factor of
-    `_ODD_RATIO` from the properties of a named fluid or solid.
+    The entry `named_warnings` of the returned data is a tuple of warnings. A warning is added for each renamed key, for
+    a method that follows from the accuracy, and for a metal at a high temperature. A warning is also added for each
+    property that differs by more than a factor of `_ODD_RATIO` from the property of the named fluid or solid.
     """
-    # Where the user has given another value instead of a table, an empty table takes its place here. At the end the
-    # value is put back, so that the validation reports it.
+    # If the user has given another value where a table is expected, the value is replaced by an empty table here. At
+    # the end the value is put back, so that the validation reports the wrong value.
     no_tables = {name: data[name] for name in _TABLES if not isinstance(data.get(name, {}), dict)}
     data = data | {name: {} for name in no_tables}
     warnings: list[str] = []
@@ -86,9 +86,9 @@ def complete(data: RawTable) -> RawTable:
 
 
 def as_tables(value: Any) -> Any:
-    """Return a list of tables. A single table becomes a list with one table.
+    """Return a list of tables; a single table is converted to a list with one table.
 
-    If a table has no `kind` but names files by `path` or `patches`, its kind is "file".
+    A table without a `kind` gets the kind "file" if it names files by `path` or `patches`.
     """
     tables = [value] if isinstance(value, dict) else value
     if not isinstance(tables, (list, tuple)):
@@ -104,11 +104,12 @@ def _names_files(table: Any) -> bool:
 
 
 def _with_tables_for_methods(data: RawTable, warnings: list[str]) -> RawTable:
-    """Add the method if it is missing, and the table [stochastic] if one of the methods needs it.
+    """Add the default method if the case has no method, and the table [stochastic] if a method needs this table.
 
-    The default method is "stochastic". If the case asks for an accuracy but does not describe a whole seal, the default
-    method is "deterministic", and a warning is added. A strip without a table [stochastic] is not a whole seal, because
-    this table would contain its length. The method "auto" of earlier versions is replaced by "deterministic".
+    The default method is "stochastic". If the case asks for an accuracy but describes only a surface, and not a whole
+    seal, the default method is "deterministic", and a warning is added. A case describes only a surface if the seal is
+    a strip, and the table [stochastic], which contains the length of the strip, is missing. The method "auto" of
+    earlier versions is replaced by "deterministic".
     """
     is_strip = data.get("seal", {}).get("kind", "rectangular") == "rectangular"
     has_accuracy = data.get("accuracy") is not None
@@ -127,7 +128,7 @@ def _with_tables_for_methods(data: RawTable, warnings: list[str]) -> RawTable:
 
 
 def _with_present_face_keys(data: RawTable, warnings: list[str]) -> RawTable:
-    """Rename former keys of all tables [face] to their present names, and add a warning for each of them."""
+    """Rename former keys of all tables [face] to their present names, and add a warning for each renamed key."""
     faces = data.get("face")
     if isinstance(faces, dict):
         return data | {"face": _with_present_keys(faces, warnings)}
@@ -137,7 +138,7 @@ def _with_present_face_keys(data: RawTable, warnings: list[str]) -> RawTable:
 
 
 def _with_present_keys(face: Any, warnings: list[str]) -> Any:
-    """Rename former keys of a single table [face]."""
+    """Rename former keys of a single table [face], and add a warning for each renamed key."""
     if not isinstance(face, dict):
         return face
     for former, present in _RENAMED_FACE_KEYS.items():
@@ -151,10 +152,11 @@ def _with_present_keys(face: Any, warnings: list[str]) -> Any:
 
 
 def least_detrend(kind: object) -> int:
-    """Return the lowest order of the form that must be removed from a measured surface for a seat of the given kind.
+    """Return the lowest value of `surface.detrend` that a measured surface needs on a seat of the given kind.
 
-    The order is 0 for the mean, 1 for the tilt and 2 for the curvature, as in `surface.detrend`. The form of the seat
-    is added to the surface later. If it also remained in the measured surface, it would be there twice.
+    The value is 0 if the mean has to be removed from the surface, 1 for the mean and the tilt, and 2 if the curvature
+    has to be removed as well. The shape of the seat is added to the measured surface later. The measured surface must
+    not contain the shape of the seat, because the shape would be counted twice.
     """
     return {"flat": 0, "tilted": 1}.get(str(kind), 2)
 
@@ -178,9 +180,9 @@ def _with_detrending(data: RawTable) -> RawTable:
 def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
     """Convert the pressures of the fluid and the test fluid to absolute pressures, and add properties of named fluids.
 
-    Gauge pressures are relative to the `ambient_pressure` in [fluid]. If the table of the test fluid has its own
-    `ambient_pressure`, it is used for the test fluid. If a table has gauge pressures or an ambient pressure, its
-    default outlet pressure is the ambient pressure.
+    Gauge pressures are relative to the `ambient_pressure` in [fluid]. If the table of the test fluid has a key
+    `ambient_pressure`, the value of this key is used for the test fluid. If a table has gauge pressures or an ambient
+    pressure, its default outlet pressure is the ambient pressure.
     """
     data = dict(data)
     fluid = data.get("fluid")
@@ -204,7 +206,8 @@ def _with_absolute_pressures(fluid: RawTable, table_key: str, ambient: float | N
     ----------
     fluid : table of the fluid.
     table_key : key of the table in the case.
-    ambient : ambient pressure [Pa] that is used if the table has none; None if the case does not give one.
+    ambient : ambient pressure [Pa] of the case, used if the table of the fluid has no ambient pressure; None if the
+        case has no ambient pressure.
     """
     ambient = unvalidated_value(fluid, "ambient_pressure", "Pa", ambient)
     keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in fluid]
@@ -288,14 +291,13 @@ def _properties_of(named: Any, kind: str) -> dict[str, Amount]:
 def _with_dynamic_viscosity(
     fluid: RawTable, table_key: str, named_density: float | None = None
 ) -> RawTable:
-    """Return the table of a fluid. If it has a kinematic viscosity, replace it by the dynamic viscosity.
+    """Return the table of a fluid; a kinematic viscosity in the table is replaced by the dynamic viscosity.
 
     Parameters
     ----------
     fluid : table of the fluid.
     table_key : key of the table in the case.
-    named_density : density of the named fluid [kg/m³]; it is used if the table has no density. None for a fluid without
-        a name.
+    named_density : density of the named fluid [kg/m³], used if the table has no density; None if the fluid has no name.
 
     Raises
     ------
@@ -329,7 +331,8 @@ def _with_dynamic_viscosity(
 def _temperature(fluid: RawTable, table_key: str) -> float:
     """Return the temperature of a named fluid [K], by default 20 °C.
 
-    The temperature is checked here and not in the validation, because the table of a liquid has no such key.
+    The temperature is checked in this function and not in the validation, because the table of a liquid has no key for
+    the temperature.
     """
     if "temperature" not in fluid:
         return TABLE_TEMPERATURE
@@ -348,7 +351,7 @@ def _temperature(fluid: RawTable, table_key: str) -> float:
 def _odd_properties(
     table: RawTable, properties: dict[str, Amount], table_key: str
 ) -> Iterator[str]:
-    """Yield a warning for each value that differs considerably from the property of the named fluid or solid.
+    """Yield a warning for each value in a table that differs considerably from the property of the named substance.
 
     Parameters
     ----------
@@ -425,7 +428,7 @@ def _hardness_rows(path: Path, key: str) -> list[list[str]]:
 
     Returns
     -------
-    Rows of depth and hardness, as texts with units.
+    Rows with two entries, depth and hardness, each as text with a unit.
 
     Raises
     ------

@@ -1,8 +1,8 @@
 """Translate the errors that pydantic finds in a case into messages that name the keys of the case file.
 
-pydantic describes the location of an error by a tuple such as ("face", 0, "turned", "pitch"). Its parts are names of
-fields, positions in lists, and kinds of tables. The key in the file is "face.pitch", or "face.0.pitch" if the case has
-two faces.
+pydantic describes the location of an error by a tuple such as ("face", 0, "turned", "pitch"). The parts of a location
+are names of fields, positions in lists, and kinds of tables. The corresponding key in the file is "face.pitch", or
+"face.0.pitch" if the case has two faces.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _LONGEST_KEY, _LONGEST_EXPLANATION = 40, 300
 
 
 def explain(error: ValidationError, data: dict[str, Any]) -> list[InputError]:
-    """Return an InputError for each error that pydantic has found. Errors with the same message are listed once.
+    """Return an InputError for each error that pydantic has found; errors with the same message are listed once.
 
     Parameters
     ----------
@@ -136,13 +136,13 @@ def _locate(location: tuple[Any, ...]) -> tuple[list[str], list[type[Table]]]:
 
     Parameters
     ----------
-    location : location of the error as pydantic gives it: names of fields, positions in lists, and kinds of tables.
+    location : location of the error in pydantic: names of fields, positions in lists, and kinds of tables.
 
     Returns
     -------
-    path : parts of the dotted key. The kinds of tables are left out, because they are not part of the key.
-    tables : class of the table that contains the key. If the value of the key is itself a table, the list contains the
-        classes of all kinds of this inner table instead.
+    path : parts of the dotted key. Kinds of tables are left out, because a kind is not a part of the key.
+    tables : list with the class of the table that contains the key. If the value of the key is a table itself, the list
+        contains the classes of all kinds of the inner table.
     """
     path: list[str] = []
     tables: list[type[Table]] = [Case]
@@ -160,10 +160,10 @@ def _locate(location: tuple[Any, ...]) -> tuple[list[str], list[type[Table]]]:
 
 
 def _as_in_file(path: list[str], data: Any) -> list[str]:
-    """Remove the position 0 of a table from a dotted key if the file contains a single table instead of a list.
+    """Remove the position 0 from a dotted key if the case file contains a single table instead of a list of tables.
 
-    Keys such as [face] can be one table or several. pydantic always treats them as a list, and states the position of
-    the table in this list.
+    A case file can contain a single table [face], or several tables [[face]]. pydantic always treats the value of the
+    key `face` as a list of tables, and includes the position in the list in the location of an error.
 
     path : parts of the dotted key, with positions. data : tables of the case file.
     """

@@ -88,7 +88,7 @@ class GeneratedFace(Table):
         return [self]
 
     def make(self, folder: Path, rng: np.random.Generator) -> FaceMap:
-        """Generate the surface. Its shortest wave is stored as `Instrument.generated_wave`."""
+        """Generate the surface, and store the wavelength of its shortest wave as `Instrument.generated_wave`."""
         parameters = self.model_dump(exclude={"kind", "points", "size", "ra", "rz"})
         heights = type(self).make_heights(self.points, self.size, rng=rng, **parameters)
         shortest_wave = self.cut_off or resolved_wave(self.size, self.points)
@@ -207,7 +207,7 @@ class MapFile(Table):
         "whether the heights repeat along x1 and x2", (False, False)
     )
     tip_radius: Wave | None = key(
-        "radius of the tip of the stylus, by default that in the file; waves that the tip "
+        "radius of the tip of the stylus; by default, the radius in the file; waves that the tip "
         "cannot follow are removed",
         None,
         example="2 um",
@@ -219,7 +219,7 @@ class MapFile(Table):
 
 
 def _patch_tables(value: Any) -> Any:
-    """Convert paths, or a pattern of paths, to a list of tables; tables are returned unchanged."""
+    """Convert a list of paths, or a pattern of paths, to a list of tables; items that are tables are not changed."""
     items = [value] if isinstance(value, str) else value
     if not isinstance(items, list):
         return value
@@ -237,8 +237,8 @@ PatchTables = Annotated[
 class FileFace(MapFile):
     """A measured surface: one map, or several `patches`.
 
-    The keys of the table apply to all patches. A patch with its own table can replace them. `mirror`, `rotate` and
-    `shift` position the second of two faces on the first one, see `topography.combined`.
+    The keys of the table [face] apply to all patches. A table for a single patch can replace keys of the table [face].
+    The keys `mirror`, `rotate` and `shift` position the second face on the first face, see `topography.combined`.
     """
 
     kind: Literal["file"]
@@ -271,17 +271,18 @@ class FileFace(MapFile):
 
     @property
     def placement(self) -> dict[str, Any]:
-        """Position of the second face on the first one, as arguments of `topography.combined`."""
+        """Position of the second face on the first face, as arguments of `topography.combined`."""
         return self.model_dump(include=_PLACEMENT, exclude_none=True)
 
     def maps(self, folder: Path) -> list[FileFace]:
-        """Return the table of each map of the face: one for each patch, or the table itself if there are no patches.
+        """Return a table for each map of the face: one table for each patch, or the table itself without patches.
 
         A pattern of paths is replaced by the files that match it, in alphabetical order.
 
         Raises
         ------
-        InputError : the table has neither `path` nor `patches`, or both, or there are fewer than two patches.
+        InputError : the table has both `path` and `patches`, or none of the two; or `patches` contains fewer than two
+            patches.
         """
         if self.patches is None:
             if self.path is None:
@@ -302,7 +303,7 @@ class FileFace(MapFile):
         return maps
 
     def _patch(self, patch: MapFile, path: Path) -> FileFace:
-        """Return the table of a patch. Its own keys replace those of the face."""
+        """Return the table of a patch; keys in the table of the patch replace keys in the table of the face."""
         keys = {name: getattr(patch, name) for name in patch.model_fields_set}
         return self.model_copy(update={**keys, "patches": None, "path": path})
 
@@ -311,7 +312,7 @@ class FileFace(MapFile):
 
         Raises
         ------
-        InputError : the file or the mask cannot be read. The error names the key and the path.
+        InputError : the file or the mask cannot be read; the message contains the key and the path.
         """
         arguments = self.model_dump(exclude={"kind", "path", "patches", "mask", *_PLACEMENT})
         path = folder / (self.path or "")
@@ -331,7 +332,9 @@ class FileFace(MapFile):
 def _paths_of(patch: MapFile, folder: Path) -> list[Path]:
     """Return the path of a patch; if the path is a pattern, return all paths that match it."""
     if patch.path is None:
-        raise InputError("face.patches", "a patch without path", "a path in every patch")
+        raise InputError(
+            "face.patches", "a patch without path", "the key `path` in the table of each patch"
+        )
     pattern = str(patch.path)
     if glob.has_magic(pattern) and "\0" not in pattern:
         return [Path(path) for path in sorted(glob.glob(pattern, root_dir=folder))]

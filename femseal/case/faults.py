@@ -1,8 +1,9 @@
 """Raise errors in the validators of a case, so that every message can name the key of the case file.
 
 A validator raises an `InputError`, and pydantic records which value or table was validated. The validator of a table
-names the key inside the table: if the validator of [fluid] raises `InputError("inlet_pressure", …)`, the message
-names `fluid.inlet_pressure`. The validator of a single value need not name a key. The first argument is then empty.
+passes the name of a key in the table as the first argument of the error: if the validator of [fluid] raises
+`InputError("inlet_pressure", …)`, the message names the key `fluid.inlet_pressure`. The validator of a single value
+passes an empty text as the first argument, because pydantic records the key.
 """
 
 from collections.abc import Iterator
@@ -34,17 +35,17 @@ EXPECTED_TYPES = {
 
 
 def invalid_value(expected: str) -> InputError:
-    """Return an error without a key. pydantic records the key of the value or table that is validated."""
+    """Return an InputError without a key, because pydantic records the key of the value or table that is validated."""
     return InputError("", "", expected)
 
 
 @contextmanager
 def as_value_error(expected: str = "") -> Iterator[None]:
-    """Remove the key from an InputError that is raised within this context, because pydantic records the key.
+    """Remove the key from an InputError that is raised in the `with` block, because pydantic records the key.
 
     Parameters
     ----------
-    expected : description of the expected value; by default that of the original error.
+    expected : description of the expected value; by default, the description in the original error.
     """
     try:
         yield
@@ -54,7 +55,7 @@ def as_value_error(expected: str = "") -> Iterator[None]:
 
 @contextmanager
 def errors_in_table(table: str) -> Iterator[None]:
-    """Prepend the key of a table to the key in an InputError that is raised within this context."""
+    """Prepend the key of a table to the key in an InputError that is raised in the `with` block."""
     try:
         yield
     except InputError as error:

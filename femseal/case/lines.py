@@ -13,14 +13,17 @@ _UNQUOTED = re.compile(r"\s*([\w.-]+)\s*=\s*([-+]?[\d.][^\"'#\[\]{}]*?)\s*(?:#.*
 
 
 def with_line_numbers(error: InputError, text: str) -> InputErrors:
-    """Add line numbers to the errors of a case: the line of the key or, if the key is missing, of its table."""
+    """Add line numbers to the errors of a case.
+
+    An error gets the number of the line with its key or, if the key is missing in the file, of the line with its table.
+    """
     line_of_key = dict(_lines_of_keys(text))
     errors = error.faults if isinstance(error, InputErrors) else (error,)
     return InputErrors([_with_line_number(fault, line_of_key) for fault in errors])
 
 
 def _with_line_number(error: InputError, line_of_key: dict[str, int]) -> InputError:
-    """Add a line number to an error: the line of the key or, if that is unknown, of the innermost table."""
+    """Add a line number to an error: the line of the key or, if the key is not in the file, of the innermost table."""
     key = error.what
     while key not in line_of_key:
         key, dot, _name = key.rpartition(".")
@@ -33,7 +36,7 @@ def _lines_of_keys(text: str) -> Iterator[tuple[str, int]]:
     """Yield the dotted names of all keys and tables of a TOML file with their line numbers.
 
     Tables in double brackets are numbered: the first table [[face]] is "face.0", the next one is "face.1". Keys inside
-    an inline table (in braces) are not included. Their errors get the number of the line with the inline table.
+    an inline table (in braces) are not included; an error in such a key gets the line number of the inline table.
     """
     table = ""
     counts = Counter[str]()
@@ -52,7 +55,7 @@ def _lines_of_keys(text: str) -> Iterator[tuple[str, int]]:
 
 
 def likely_meaning(text: str, message: str) -> str:
-    """Suggest a correction of the line in which tomllib found an error; return "" if there is no likely correction.
+    """Suggest a correction of the line in which tomllib found an error; return "" if no correction is likely.
 
     Usual faults are missing quotes around a number with its unit, a decimal comma, and a number such as ".5".
 

@@ -67,8 +67,8 @@ def _unit_of_load(value: Any) -> str | None:
 def _unusable_load(value: Any) -> InputError:
     """Return the error for a value that cannot be read as a load.
 
-    The general error says which loads are possible. If reading the value as a pressure gives a more specific error, for
-    example because of a decimal comma, the specific error is returned.
+    Usually, the error lists the possible loads. If the value is a pressure with a recognisable mistake, such as a
+    decimal comma, the error names the mistake instead.
     """
     try:
         Quantity("Pa", lambda load: True, _EXPECTED_LOAD).read(value)
@@ -79,7 +79,7 @@ def _unusable_load(value: Any) -> InputError:
 
 
 def _write_load(load: Amount) -> float | str:
-    """Convert a load to plain data: a pressure to a number [Pa], a force to text with its unit."""
+    """Convert a load to plain data: a pressure becomes a number [Pa], and a force becomes text with a unit."""
     return float(load) if load.unit == "Pa" else f"{float(load)!r} {load.unit}"
 
 
@@ -227,7 +227,7 @@ class LoadTable(Table):
 
     @model_validator(mode="after")
     def _check_programme(self) -> LoadTable:
-        """Raise an InputError if the load cycle has too many steps, or if the order of its loads is impossible."""
+        """Raise an InputError if the load cycle has too many steps, or if its loads are in an impossible order."""
         if self.steps > _MOST_STEPS:
             raise InputError("", f"{self.steps} steps", f"at most {_MOST_STEPS} steps")
         LoadProgramme.of(**self.pressures(1.0, 1.0), unit=self.unit)

@@ -46,7 +46,7 @@ LeakClassName = Annotated[str, BeforeValidator(_read_class), _text_schema(KNOWN)
 
 
 class OutputTable(Table):
-    """Optional contents of the results folder, and how leakage is given."""
+    """Optional contents of the results folder, and the unit and the classes of the leakage."""
 
     pictures: bool = key(
         "whether pictures are drawn; without them there is no report; `--resume` draws them later",
@@ -78,8 +78,8 @@ class OutputTable(Table):
         example="mL/min",
     )
     throughput_temperature: Temperature | None = key(
-        "temperature to which leakages of a gas in Pa·m³/s or mbar·L/s refer; by default that "
-        "of the gas",
+        "temperature to which leakages of a gas in Pa·m³/s or mbar·L/s refer; by default, "
+        "the temperature of the gas",
         None,
     )
     classes: tuple[LeakClassName, ...] = key(
@@ -120,14 +120,14 @@ class OutputTable(Table):
     @model_validator(mode="before")
     @classmethod
     def _leave_out_report(cls, data: Any) -> Any:
-        """Set `report` to False if there are no pictures, unless the case asks for the report."""
+        """Set `report` to False if `pictures` is False, unless the case has a key `report`."""
         if isinstance(data, dict) and data.get("pictures") is False:
             return {"report": False, **data}
         return data
 
     @model_validator(mode="after")
     def _check_report(self) -> OutputTable:
-        """Raise an InputError if the case asks for the report but not for the pictures that it contains."""
+        """Raise an InputError if `report` is true and `pictures` is false, because the report contains the pictures."""
         if self.report and not self.pictures:
             expected = "false, because the report consists of pictures"
             raise InputError("report", "true with pictures = false", expected)
@@ -135,7 +135,7 @@ class OutputTable(Table):
 
     @property
     def valve(self) -> dict[str, float]:
-        """Volume of a drop, volume of a bubble, and rated capacity, as arguments for `base.leak_rates.LeakBasis`."""
+        """Drop volume, bubble volume and rated capacity, as arguments for `base.leak_rates.LeakBasis`."""
         values = {
             "drop_volume": self.drop_volume,
             "bubble_volume": self.bubble_volume,
@@ -145,16 +145,16 @@ class OutputTable(Table):
 
     @property
     def files(self) -> dict[str, Any]:
-        """Choice of the files that are written, as arguments of `report.write_folder`."""
+        """Keys that determine which files are written, as arguments of `report.write_folder`."""
         return self.model_dump(include=set(FILE_KEYS))
 
     @property
     def unit(self) -> LeakUnit | None:
-        """Leakage unit that the case asks for, None if it does not ask for one."""
+        """Leakage unit of the case; None if the case has no leakage unit."""
         return None if self.leakage_unit is None else LEAK_UNITS[self.leakage_unit]
 
 
 def with_picture_formats(case: Any, formats: tuple[str, ...]) -> Any:
-    """Return a case whose pictures are written in other formats, also if it asks for no pictures."""
+    """Return a copy of a case that writes pictures in other formats, even if the case itself writes no pictures."""
     output = case.output.model_copy(update={"pictures": True, "picture_formats": formats})
     return case.model_copy(update={"output": output})

@@ -24,8 +24,8 @@ from ..base import InputError, to_si
 from ..materials import YOUNG_LIMITS
 from .faults import as_value_error, expected_value, invalid_value
 
-#: Largest absolute value of a quantity in SI units. The smallest absolute value, apart from 0, is the inverse of it.
-#: Within these limits, products of several quantities remain finite.
+#: Largest absolute value of a quantity in SI units. The smallest absolute value, apart from 0, is the inverse of
+#: `_LARGEST`. Within these limits, products of several quantities remain finite.
 _LARGEST = 1e30
 #: Largest count. No array has as many elements.
 _LARGEST_COUNT = 10**12
@@ -70,7 +70,8 @@ def in_si(value: Any, unit: str, like: str = "") -> float:
 def unvalidated_value(table: dict[str, Any], name: str, unit: str, default: Any = None) -> Any:
     """Return the value of a key in SI units, from a table that has not been validated yet.
 
-    The default is returned if the key is missing or its value is invalid. The validation reports invalid values later.
+    If the key is missing or its value is invalid, the default is returned. The validation of the case reports invalid
+    values later.
     """
     try:
         return in_si(table[name], unit)
@@ -95,7 +96,7 @@ class Quantity:
 
     @property
     def example(self) -> str:
-        """Example that `expected` contains in single quotes; "" if there is none."""
+        """Example of a value, taken from the single quotes in `expected`; "" if `expected` contains no example."""
         return self.expected.partition("'")[2].partition("'")[0]
 
     def read(self, value: Any) -> float:
@@ -129,9 +130,9 @@ class Quantity:
 class UsualRange:
     """Annotate a quantity with the usual range of its values in SI units.
 
-    A value outside the range is valid, but leads to a warning, because its unit may be wrong. If the annotation of a
-    key contains several ranges with the same unit, the last one is used. A key can therefore replace the range of its
-    type by a narrower one. If a type allows several units, it has a range for each unit.
+    A value outside the usual range is valid, but leads to a warning, because its unit may be wrong. A type that allows
+    several units has a usual range for each unit. If the annotation of a key contains several ranges with the same
+    unit, the last range is used, so that a key can have a narrower range than its type.
     """
 
     low: float
@@ -141,7 +142,7 @@ class UsualRange:
 
 @dataclass(frozen=True)
 class OneForBothAxes:
-    """Annotate a pair of values for x1 and x2, for which a case can also have a single value for both axes."""
+    """Annotate a pair of values for x1 and x2, in place of which a case can contain a single value for both axes."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         return core_schema.no_info_wrap_validator_function(self._read, handler(source))
@@ -154,7 +155,7 @@ class OneForBothAxes:
 
     @staticmethod
     def _read(value: Any, validate_pair: Callable[[Any], Any]) -> Any:
-        """Validate a pair of values, or a single value that becomes a pair of two equal values."""
+        """Validate a pair of values; a single value is converted to a pair of two equal values."""
         if isinstance(value, (list, tuple, dict)):
             return validate_pair(value)
         try:

@@ -26,7 +26,7 @@ def load_case(path: str | PathLike[str]) -> Case:
     Parameters
     ----------
     path : str or path
-        A TOML file. Paths in it are relative to its folder.
+        A TOML file. Paths in the file are relative to the folder of the file.
 
     Returns
     -------

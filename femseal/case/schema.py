@@ -14,8 +14,8 @@ _DRAFT = "http://json-schema.org/draft-07/schema#"
 def case_schema() -> dict[str, Any]:
     """Return the JSON schema of case files, with their tables, their keys and the types of their values.
 
-    It conforms to draft 7, which editors support. The schema contains neither the ranges of quantities nor the
-    relations between keys, which only `load_case` checks.
+    The schema conforms to draft 7 of JSON Schema, which editors support. The schema contains neither the ranges of
+    quantities nor the relations between keys, which only `load_case` checks.
     """
     schema = Case.model_json_schema(ref_template="#/definitions/{model}")
     schema["definitions"] = schema.pop("$defs")
@@ -37,7 +37,7 @@ def case_schema() -> dict[str, Any]:
 def _simplify(node: Any) -> Any:
     """Simplify a schema recursively.
 
-    The value null is removed, because it does not exist in TOML. Pairs are described as lists.
+    The value null is removed from the schema, because TOML has no null. Pairs are described as lists.
     """
     if isinstance(node, list):
         return [_simplify(item) for item in node]
@@ -80,6 +80,6 @@ def _without_null(node: dict[str, Any]) -> dict[str, Any]:
 
 
 def _description(*texts: str | None) -> dict[str, str]:
-    """Join texts into a description, for example the meaning of a key and its possible values. Omit repeated texts."""
+    """Join texts, such as the meaning of a key and its possible values, to a description without repeated texts."""
     different = dict.fromkeys(text for text in texts if text)
     return {"description": "; ".join(different)} if different else {}

@@ -1,8 +1,9 @@
 """Define the tables [fluid], [seal] with its forms, and [seat] of a case.
 
-These tables are derived from registered classes. For every class in `fluids.FLUIDS`, `seal.layouts.LAYOUTS`,
-`seal.form.FORMS` and `topography.seat.SEATS` there is a table with a key for each parameter of the class. This module
-only lists the keys whose type is more specific than the type of the parameter.
+The tables [fluid], [seal], [seal.form] and [seat] are derived from registered classes. For every class in
+`fluids.FLUIDS`, `seal.layouts.LAYOUTS`, `seal.form.FORMS` and `topography.seat.SEATS` there is a table with a key for
+each parameter of the class. The module only declares keys that have no corresponding parameter, and keys whose type is
+more specific than the type of the parameter.
 """
 
 from __future__ import annotations
@@ -100,7 +101,7 @@ def _keys_of_fluid(fluid: Any) -> dict[str, Any]:
 
 
 class FormTable(ParameterTable):
-    """A form of the whole seal, with a key for each of its parameters."""
+    """A form deviation of the whole seal, with a key for each parameter of the form."""
 
     makers = FORMS
     tolerance: float = key(
@@ -141,15 +142,19 @@ class SealTable(ParameterTable):
     )
 
     def make(self, folder: Path = Path(), **others: Any) -> Layout:
-        """Create the seal layout; paths in the table are relative to `folder`."""
+        """Create the seal layout.
+
+        folder : folder to which paths in the table are relative.
+        """
         layout: Layout = super().make(folder, lay=parse_lay(self.lay, folder), **others)
         return layout
 
 
 def _read_lay(value: Any) -> Any:
-    """Check a lay, and return it in SI units. A spiral or an angle becomes a dictionary.
+    """Check a lay, and return it in SI units.
 
-    If the lay is in a file, the value is returned unchanged, because the file is read later.
+    A spiral and an angle are returned as dictionaries with numbers in SI units. A lay in a file is returned unchanged,
+    because the file is read later.
     """
     with as_value_error():
         lay = parse_lay(value)

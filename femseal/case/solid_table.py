@@ -203,12 +203,12 @@ class SolidTable(Table):
         return self
 
     def _given(self, *keys: str) -> list[str]:
-        """Return the names of those keys, out of the given ones, that have a value in the table."""
+        """Select the keys in `keys` that have a value in the table."""
         return [key for key in keys if getattr(self, key) is not None]
 
     @property
     def solid(self) -> Solid:
-        """The solid. If there is a hardness table, the hardness is that of its first row."""
+        """The solid; with a hardness table, the hardness of the solid is the hardness in the first row."""
         rows = self.hardness_table
         hardness = rows[0][1] if rows else self.hardness
         ratio = self.hardness_over_yield
@@ -218,8 +218,9 @@ class SolidTable(Table):
     def body_yield_stress(self) -> float:
         """Yield stress [Pa] of the solid below its surface, inf if it does not yield.
 
-        It is the yield stress that the case gives, else that of the named metal. Of a solid whose hardness alone is
-        known, it is at most the hardness divided by 2.8, which is the yield stress of the hardened metal.
+        The yield stress is taken from the case or, if the case has no yield stress, from the named metal. If only the
+        hardness of the solid is known, the hardness divided by 2.8 is returned, which is the yield stress of the
+        hardened metal and an upper bound of the yield stress below the surface.
         """
         solid = self.solid
         if solid.yield_stress is None and self.name is not None:
@@ -239,8 +240,8 @@ class SolidTable(Table):
     def law(self) -> ContactLaw:
         """The contact law of the solid with its coating.
 
-        The hardness of the coating applies to deformations up to its thickness. Deeper deformations have the hardness
-        of the solid.
+        For plastic deformations up to the thickness of the coating, the law has the hardness of the coating. For larger
+        plastic deformations, the law has the hardness of the solid.
         """
         if self.coating is None:
             return self.law_of_solid

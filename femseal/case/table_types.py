@@ -48,11 +48,12 @@ def key(
     ----------
     meaning : phrase that explains the key.
     default : value that is used if a case does not have the key; a key without a default is required.
-    start : value of the key in the file that `femseal new` writes, in TOML.
-    example : value that this file shows in a comment; by default the example of the quantity, or the default value.
+    start : value of the key, in TOML, in a file that `femseal new` writes.
+    example : value, in TOML, that a file of `femseal new` shows in a comment. By default, the file shows the example of
+        the quantity or, if the quantity has no example, the default value.
     since : version of femseal in which the key was introduced.
-    instead : another key of the same table that can be replaced by this key.
-    needed : phrase that says under which condition the key is needed.
+    instead : name of another key of the same table, in place of which the key can be given.
+    needed : phrase that says when the key is needed, such as "without a `name`".
     limits : limits of the value, as arguments for `pydantic.Field`.
     """
     shown = example if start is None else start
@@ -67,7 +68,7 @@ def key(
 
 
 class Table(BaseModel):
-    """A table of a case file. The fields of the class are the keys of the table. Any other key is an error."""
+    """A table of a case file. The fields of the class are the keys of the table; an unknown key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -77,8 +78,9 @@ class ParameterTable(Table):
 
     Attributes
     ----------
-    makers : functions or classes that create the object, by kind.
-    is_checked : whether the object is created when the table is validated, so that its constructor checks the table.
+    makers : dictionary with the function or the class that creates the object for each value of `kind`.
+    is_checked : whether the object is created during the validation, so that its constructor checks the values of the
+        table.
     """
 
     if TYPE_CHECKING:
@@ -92,7 +94,7 @@ class ParameterTable(Table):
         Parameters
         ----------
         folder : folder to which paths in the table are relative.
-        others : further parameters. They replace the values of the table.
+        others : further parameters of the object, which replace values of the table with the same names.
         """
         maker = self.makers[self.kind]
         parameters = {
@@ -104,7 +106,7 @@ class ParameterTable(Table):
 
     @model_validator(mode="after")
     def _check_object(self) -> ParameterTable:
-        """Create the object of the table, so that an error of its constructor is reported for the case."""
+        """Create the object of the table, so that an error of its constructor is reported as an error of the case."""
         if self.is_checked:
             self.make()
         return self
@@ -126,11 +128,13 @@ def table_for_each(
 
     Parameters
     ----------
-    classes : frozen dataclasses by their kinds. Their fields are declared by `base.validate.parameter`.
+    classes : frozen dataclasses by their kinds. The fields of the dataclasses are declared by
+        `base.validate.parameter`.
     base : base class of the tables.
-    other_keys : function that takes a registered class and returns a dictionary of types. If the name of an entry is a
-        field of the class, the type replaces the type of this field. Otherwise the table gets a further key with this
-        name, and the value of the entry is a pair: the type of the key, and its declaration by `key`.
+    other_keys : function that takes a registered class and returns a dictionary of keys. If the class has a field with
+        the name of a key, the value in the dictionary is a type, which replaces the type of the field. If the class has
+        no field with the name of a key, the value in the dictionary is a pair: the type of the key, and the declaration
+        of the key by `key`.
     """
     tables = [_create_table(kind, cls, base, other_keys(cls)) for kind, cls in classes.items()]
     return Annotated[reduce(or_, tables), Field(discriminator="kind")]
@@ -148,8 +152,7 @@ def _create_table(
     kind : value of the key `kind`, which chooses this table in a case file.
     cls : the dataclass.
     base : class from which the table is derived.
-    other_keys : an entry that is a type replaces the type of a field of the dataclass. An entry that is a pair of a
-        type and a declaration adds a key that the dataclass does not have.
+    other_keys : dictionary that the function `other_keys` of `table_for_each` returns for the dataclass.
     """
     types = get_type_hints(cls) | other_keys
     keys: dict[str, Any] = {"kind": (Literal[kind], ...)}
@@ -200,7 +203,7 @@ def files_in(table: Table, table_key: str = "") -> Iterator[tuple[str, Path]]:
 
 
 def makers_in(table: Table) -> Iterator[Callable[..., Any]]:
-    """Yield the function or class that creates the object of a table, and those of all tables inside the table."""
+    """Yield the functions or classes that create the objects of a table and of all tables inside the table."""
     if isinstance(table, ParameterTable):
         yield table.makers[table.kind]
     for _name, value in table:
@@ -235,9 +238,9 @@ def unusual_values(table: Table, table_key: str = "") -> Iterator[str]:
 
 
 def _values_outside(values: list[Any], field: FieldInfo) -> list[tuple[float, UsualRange]]:
-    """Return the values of a key that are outside their usual range, each with its range.
+    """Return the values of a key that are outside their usual range, each together with the usual range.
 
-    The value 0 never leads to a warning.
+    Values of 0 are never returned, so that they do not lead to a warning.
     """
     annotations = (*type_parts(field.annotation), *field.metadata)
     ranges = {part.unit: part for part in annotations if isinstance(part, UsualRange)}
@@ -254,7 +257,7 @@ def _values_outside(values: list[Any], field: FieldInfo) -> list[tuple[float, Us
 
 
 def _flattened(value: Any) -> Iterator[Any]:
-    """Yield all values inside nested tuples. A value that is not a tuple is yielded unchanged."""
+    """Yield all values inside nested tuples; if the argument is not a tuple, yield the argument itself."""
     if isinstance(value, tuple):
         for item in value:
             yield from _flattened(item)

@@ -1,7 +1,7 @@
 """Write the text of a new case, and look up properties of the keys of a case.
 
-A new case shows every key with a value or an example, which `table_types.key` declares. The functions that look up
-properties of keys are also used for error messages and for the documentation of all keys.
+A new case shows every key with a value or with an example; values and examples are declared by `table_types.key`. The
+functions that look up properties of keys are also used for error messages and for the documentation of the keys.
 """
 
 import json
@@ -89,7 +89,7 @@ def choices(field: FieldInfo) -> list[Any]:
 def quantity_of(field: FieldInfo) -> Quantity | None:
     """Return the quantity that describes the values of a key: their unit, their limits and an example.
 
-    It is None if the type of the key has no quantity, or several quantities with different units.
+    The function returns None if the type of the key has no quantity, or several quantities with different units.
     """
     annotations = (*field.metadata, *type_parts(field.annotation))
     quantities = [part for part in annotations if isinstance(part, Quantity)]
@@ -104,13 +104,13 @@ def tables_in(field: FieldInfo) -> list[type[Table]]:
 
 
 def kind_of(table: type[Table]) -> str | None:
-    """Return the value of the key `kind` in tables of a class, None if they have no such key."""
+    """Return the value of the key `kind` in tables of a class; None if the class has no key `kind`."""
     field = table.model_fields.get("kind")
     return None if field is None else str(choices(field)[0])
 
 
 def summary(table: type[Table]) -> str:
-    """Return the first phrase of the docstring of a table class. It says what the table describes."""
+    """Return the first phrase of the docstring of a table class, which says what the table describes."""
     text = " ".join((table.__doc__ or "").split())
     text = text[:1].lower() + text[1:]
     for end in (":", ";", ".", ", see"):
@@ -119,7 +119,7 @@ def summary(table: type[Table]) -> str:
 
 
 def _is_active(field: FieldInfo) -> bool:
-    """Return whether a new case contains the key itself, and not only a comment with the key."""
+    """Return whether a new case contains a key without a comment sign."""
     return field.is_required() or declared(field, "start") is not None
 
 
@@ -130,7 +130,8 @@ def _is_active(field: FieldInfo) -> bool:
 def case_template(case: type[Table]) -> str:
     """Return the text of a new case.
 
-    The text is a valid case. It remains valid if the comment signs before a table and its keys are removed.
+    The returned text is a valid case. If the comment signs before a table and before its keys are removed, the text is
+    still a valid case.
     """
     keys = keys_of(case)
     rows = [_row(name, field, True) for name, field in keys.items() if not tables_in(field)]
@@ -145,7 +146,7 @@ def case_template(case: type[Table]) -> str:
 def table_to_paste(case: type[Table], name: str) -> str:
     """Return the text of a required table with example values, so that the user can paste it into a case.
 
-    It is "" if the key `name` is not a required table.
+    If the key `name` is not a required table, the function returns "".
     """
     field = keys_of(case)[name]
     tables = tables_in(field)
@@ -159,14 +160,14 @@ def table_to_paste(case: type[Table], name: str) -> str:
 
 
 def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> Iterator[str]:
-    """Yield the text of a table: one block for each kind of the table, and then the blocks of the tables inside it.
+    """Yield the text of a table: one block for each kind of the table, then the blocks of all tables inside the table.
 
     Parameters
     ----------
     name : dotted key of the table.
-    field : declaration of this key.
-    written : classes of the tables whose blocks have been written before under another key. If one of them is written
-        again, its optional keys are left out. The function adds the classes of this table to the list.
+    field : declaration of the key `name`.
+    written : list of table classes that have already been written under another key. The optional keys of a class in
+        the list are not written again. The function adds the classes of the table to `written`.
     """
     tables = tables_in(field)  # one class for each kind
     explained: set[tuple[str, str | None]] = (
@@ -216,7 +217,7 @@ def _row(name: str, field: FieldInfo, is_active: bool, meaning: str | None = Non
     name : name of the key.
     field : declaration of the key.
     is_active : whether the table of the key is written without comment signs.
-    meaning : explanation of the key, by default the one in its declaration.
+    meaning : explanation of the key; by default, the explanation in the declaration of the key.
     """
     value = example(field)
     comment = (meaning or field.description or "").replace("`", "")

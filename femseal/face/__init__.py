@@ -1,1 +1,1 @@
-"""Cut a surface in its contact states into cells, and compute the permeability of each cell for any load path."""
+"""Cut a surface into cells, and compute the permeability of each cell in the contact states of any load path."""

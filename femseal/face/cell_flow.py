@@ -31,14 +31,14 @@ LARGEST_FLOW = 2**26
 
 @dataclass(frozen=True)
 class Failed:
-    """Take the place of the result of a solver that failed, so that a run can go on with the other solutions.
+    """Replace the result of a solver that failed, so that a run can continue with the results of other solvers.
 
     Attributes
     ----------
     reason : str
         Message of the error.
     permeability, per_length : float
-        NaN, because these attributes of a result are unknown.
+        NaN, because the permeability and the leakage per length are unknown after a failure.
     """
 
     reason: str
@@ -80,7 +80,11 @@ class SolveCounts:
 
     @classmethod
     def of(cls, flow: Any) -> SolveCounts:
-        """Count one flow by its attributes `solver` and `imbalance`; without a solved system the count is empty."""
+        """Count the linear system that was solved for one flow.
+
+        flow : result with the attributes `solver` and `imbalance`. If `solver` is "none", no system was solved, and all
+            counts are 0.
+        """
         return cls() if flow.solver == "none" else cls(((flow.solver, 1),), flow.imbalance)
 
     def __add__(self, other: SolveCounts) -> SolveCounts:
@@ -108,7 +112,7 @@ class FlowSettings:
     solver : str
         Linear solver, see `cell_permeability`.
     drop : PressureDrop
-        Fluid, and its pressures at inlet and outlet.
+        Pressure drop of the fluid from inlet to outlet.
     spiral : Spiral or None
         Spiral grooves of the whole surface, see `femseal.flow.spiral`; None if the grooves are closed rings.
 
@@ -138,8 +142,8 @@ class CellPermeabilities:
     k : array, (pressures,)
         Permeability at each fluid pressure [m³].
     counts : SolveCounts
-        Number of linear systems that were solved, for all pressures together. As an open or closed cell, the cell is
-        counted only once.
+        Number of linear systems that were solved for all fluid pressures. In the numbers of open and closed cells, the
+        cell is counted once.
     """
 
     k: Array
@@ -153,7 +157,7 @@ def cell_permeabilities(
     settings: FlowSettings = _DEFAULT_SETTINGS,
     core: tuple[int, int] | None = None,
 ) -> CellPermeabilities:
-    """Compute the permeability along one axis of a cell with closed sides, at each fluid pressure.
+    """Compute the permeability of a cell along one axis at each fluid pressure, without flow through the sides.
 
     Parameters
     ----------
@@ -166,8 +170,8 @@ def cell_permeabilities(
     settings : FlowSettings
         Fluid and solver.
     core : tuple of two int, optional
-        Range of points on the axis perpendicular to the flow, for which the permeability is computed, see `cell_flow`.
-        Default: the whole cell.
+        Range of the points of the cell itself, without overlaps, on the axis perpendicular to the flow, see
+        `cell_flow`. Default: a cell without overlaps.
 
     Raises
     ------
@@ -199,7 +203,8 @@ class FaceFlow:
     Attributes
     ----------
     permeability : float
-        Permeability [m³], which refers to the drop of the pressure potential of viscous flow.
+        Permeability [m³], by which the drop of the viscous pressure potential over the length of the surface has to be
+        multiplied to get the mass flow rate per width.
     solvers : SolveCounts
         Numbers of systems by solver.
     potential : array, (n1, n2)
@@ -219,8 +224,8 @@ def solve_surface_flow(
 ) -> FaceFlow:
     """Solve the flow along x1 through the gap of a whole surface.
 
-    A surface of more than `LARGEST_FLOW` points is divided along x2 into parts, each of which is treated as periodic.
-    If the settings contain a spiral, the fluid can also bypass closed lands by following the spiral grooves.
+    A surface of more than `LARGEST_FLOW` points is divided along x2 into parts, each of which is solved like a whole
+    surface. If the settings contain a spiral, fluid can also flow along the spiral grooves and so pass closed lands.
 
     Parameters
     ----------
@@ -250,7 +255,7 @@ def solve_surface_flow(
     def solve(gap: Array) -> tuple[float, Array, Permeability]:
         """Solve the flow for a fixed gap.
 
-        Returns the permeability [m³], the fluid pressure (from 1 to 0) and the whole solution.
+        Returns the permeability [m³], the fluid pressure (1 at the inlet, 0 at the outlet), and the whole solution.
         """
         nonlocal counts
         flow = cell_permeability(gap, spacing, sides=sides, solver=settings.solver)
@@ -270,7 +275,11 @@ def solve_surface_flow(
 
 
 def flow_sides(boundary: str) -> str:
-    """Return the boundary condition of the flow at its sides, "periodic" or "mirror", for a boundary of the contact."""
+    """Choose the boundary condition at the sides of the flow for a given boundary condition of the contact.
+
+    If the contact is periodic, the flow is periodic, too. For all other boundary conditions of the contact, there is no
+    flow through the sides ("mirror").
+    """
     return "periodic" if boundary == "periodic" else "mirror"
 
 
@@ -290,8 +299,8 @@ def permeability_along_x2(
     settings : FlowSettings
         Fluid and solver.
     sides : "periodic" or "mirror"
-        Condition at the sides of the flow, see `solve_surface_flow`. Here the sides are the ends of the surface along
-        x1.
+        Condition at the sides of the flow, see `solve_surface_flow`. The sides of a flow along x2 are the ends of the
+        surface along x1.
 
     Returns
     -------

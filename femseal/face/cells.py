@@ -1,9 +1,9 @@
 """Cut a surface in contact into rectangular cells, and compute the permeability of each cell along both axes.
 
-The contact is solved for the whole surface, because its long waves keep the valleys of a cell open; a single cell under
-load would be flattened. The flow through a cell is solved with closed sides. This excludes detours through neighbouring
-cells, so that the cells in their original order leak less than the surface. A correction factor for each axis and state
-compensates for this.
+The contact is solved for the whole surface, because the long waves of the surface keep the valleys of a cell open; a
+single cell under load would be flattened. The flow through a cell is solved without flow through the sides of the cell.
+Fluid cannot make a detour through neighbouring cells, so that the cells in their original order leak less than the
+surface. A correction factor for each axis and each contact state compensates for the missing detours.
 """
 
 from __future__ import annotations
@@ -21,25 +21,28 @@ from ..loads import LoadProgramme
 from ..topography import Surface
 from .cell_flow import Failed, FlowSettings, SolveCounts, attempt, cell_permeabilities
 
-#: Default number of cells along the shorter side of a surface, for cells at random and for cells in order. Cells in
-#: order are larger, which preserves channels that cross from row to row, see docs/evidence/stochastic_seals.md.
+#: Default number of cells along the shorter side of a surface: for cells in random order, and for cells in their
+#: original order. Cells in their original order are larger, to preserve channels that cross from row to row, see
+#: docs/evidence/stochastic_seals.md.
 CELLS, CELLS_IN_ORDER = 4, 2
 #: Smallest number of points along a side of a cell.
 FEWEST_POINTS = 8
-#: Overlap of a cell with each neighbour perpendicular to the flow, as a fraction of the width of the cell. Channels
-#: that leave the cell and return are then open, but only the flux inside the cell itself counts, see `flow.core_flux`.
+#: Overlap of a cell with each neighbour perpendicular to the flow, as a fraction of the width of the cell. With
+#: overlaps, channels that leave the cell and return are open, but only the flux inside the cell itself counts, see
+#: `flow.core_flux`.
 OVERLAP = 0.125
-#: Largest correction factor, and largest ratio of the leakage of a seal with cells in order to that of the surface.
-#: Larger values would be due to single constrictions.
+#: Largest correction factor, and largest ratio of the leakage of a seal with cells in their original order to the
+#: leakage of the surface. Larger values would be due to single constrictions.
 MOST_FACTOR, MOST_RATIO = 3.0, 2.0
 #: Continuation of a surface along x1 and x2, as for a `HalfSpace`.
 Boundary = tuple[str, str]
 
 
 def usual_cells(surface: Surface, in_order: bool = False) -> Shape:
-    """Return the default numbers of nearly square cells along x1 and x2.
+    """Return the default numbers of cells along x1 and x2, for nearly square cells.
 
-    There are four cells along the shorter side of the shortest patch, or two if the cells stay in order.
+    There are four cells along the shorter side of the shortest patch. If the cells keep their original order
+    (`in_order`), there are only two cells.
     """
     d1, d2 = surface.spacing
     n1 = surface.shape[0]
@@ -54,15 +57,15 @@ def usual_cells(surface: Surface, in_order: bool = False) -> Shape:
 
 @dataclass(frozen=True, eq=False)
 class WidenedCell:
-    """Hold values in a cell that is widened perpendicular to the flow, so that it overlaps its neighbours.
+    """Hold the values of a field in a cell and in its overlaps into neighbouring cells, perpendicular to the flow.
 
     Attributes
     ----------
     field : array, (n1, n2)
-        Values at the points of the cell and its overlaps.
+        Values at the points of the cell and of its overlaps.
     core : tuple of two int
-        Index of the first point of the cell itself along the axis perpendicular to the flow, and index after its last
-        point.
+        Index of the first point of the cell itself, and index after the last point, on the axis perpendicular to the
+        flow.
     """
 
     field: NDArray[Any]
@@ -76,8 +79,8 @@ class Cut:
     Attributes
     ----------
     rows, columns : tuple of int
-        Index of the first point of each row and of each column of cells. The last entry is the number of points of the
-        surface along this axis.
+        Index of the first point of each row of cells, and of each column of cells. The last entry of `rows` and of
+        `columns` is the number of points of the surface along x1 or x2.
     patch_of_column : tuple of int
         Number of the measured patch to which each column of cells belongs, from 0.
     spacing : tuple of two float
@@ -99,7 +102,9 @@ class Cut:
         widths = surface.widths  # number of points of each patch along x2
         m1, m2 = validate.grid("cells", cells)
         if m2 < len(widths):
-            raise InputError("cells", cells, f"along x2 from {len(widths)}, one for each patch")
+            raise InputError(
+                "cells", cells, f"at least {len(widths)} cells along x2, one for each patch"
+            )
         columns_of_patches = _distribute_columns(widths, min(m2, sum(widths)))
         # pairs of a number of points and the number of cells among which they are divided
         divisions = [(surface.shape[0], m1), *zip(widths, columns_of_patches, strict=True)]
@@ -162,8 +167,8 @@ class Cut:
         axis : int
             Direction of the flow, 0 or 1.
         boundary : tuple of two str
-            Continuation of the surface along x1, and of each measured patch along x2: "periodic", "mirror" for its
-            mirror image, or "free" if the overlap ends at the border.
+            How the surface continues along x1, and how each measured patch continues along x2: "periodic"; "mirror" for
+            the mirror image; or "free" for overlaps that end at the border.
 
         Returns
         -------
@@ -184,7 +189,7 @@ class Cut:
         return cells
 
     def _patch_range(self, column: int) -> tuple[int, int]:
-        """Return the range of points along x2 of the measured patch to which a column of cells belongs."""
+        """Return the range of points along x2 of the measured patch that contains a column of cells."""
         number = self.patch_of_column[column]
         first = self.patch_of_column.index(number)
         end = first + self.patch_of_column.count(number)
@@ -202,7 +207,8 @@ class Cut:
 def _distribute_columns(widths: Sequence[int], columns: int) -> list[int]:
     """Distribute columns of cells over patches in proportion to the widths of the patches.
 
-    The shares are whole numbers of at least 1, by the largest remainder method.
+    Each patch gets a whole number of columns, and at least one. The numbers are rounded by the largest remainder
+    method.
     """
     wanted = np.array(widths) * (columns / sum(widths))  # shares that are not whole numbers
     shares = np.maximum(wanted.astype(int), 1)
@@ -219,14 +225,15 @@ def _distribute_columns(widths: Sequence[int], columns: int) -> list[int]:
 def _points_with_overlaps(
     cell: tuple[int, int], patch: tuple[int, int], boundary: str
 ) -> tuple[Indices, tuple[int, int]]:
-    """Return the indices of the points of a cell and its overlaps along the axis perpendicular to the flow.
+    """Return the indices of the points of a cell and of its overlaps, on the axis perpendicular to the flow.
 
     Parameters
     ----------
     cell, patch : tuple of two int
-        Range of points of the cell, and of the measured patch to which it belongs; the ends are exclusive.
+        Range (first, last + 1) of the points of the cell, and range of the points of the measured patch that contains
+        the cell.
     boundary : str
-        Continuation of the patch, see `Cut.split_with_overlaps`.
+        How the patch continues beyond its border, see `Cut.split_with_overlaps`.
 
     Returns
     -------
@@ -268,16 +275,16 @@ class CellState:
     k : array, (pressures, 2, m1, m2)
         Permeability of each cell along x1 and x2 at each fluid pressure [m³], NaN if a solver failed.
     pressure, mean_gap, contact_fraction, plastic_fraction : arrays, (m1, m2)
-        Contact pressure [Pa], gap [m], contact fraction and fraction of points at the hardness, averaged over each
-        cell.
+        Means over each cell: contact pressure [Pa], gap [m], contact fraction, and fraction of the points at which the
+        pressure has reached the hardness.
     drop_fraction : array, (m1, m2)
         Fraction of the total dissipation that occurs in each cell; NaN if there is no flow.
     row_pressure : array, (n1,)
         Mean contact pressure of each row of points [Pa].
     counts : SolveCounts
-        Number of open cells, for which the flow was solved, and number of closed cells.
+        Numbers of linear systems that were solved, of open cells and of closed cells.
     failures : tuple of str
-        Reasons for values that are NaN.
+        Messages of the solvers that failed, so that values of `k` are NaN.
     surface_k1 : float
         Permeability of the whole surface along x1 [m³].
     surface_k2 : float
@@ -287,7 +294,7 @@ class CellState:
     flow_failure : str
         Reason why the flow through the whole surface is unknown, "" if it is known.
     carriers : float
-        Number of blocks that effectively carry the flow through the whole surface, see `participation_number`.
+        Effective number of blocks that carry the flow through the whole surface, see `participation_number`.
     edge_distance : float
         Mean distance of the points that yield from the edge of their contact patch [m], see
         `contact.mean_edge_distance`; NaN without a coating.
@@ -331,12 +338,11 @@ class CellState:
         flow : FlowSettings
             Fluid and solver.
         plastic : array of bool, (n1, n2), optional
-            Whether the pressure of each point has reached the hardness. By default the plastic fraction of the cells
-            is NaN.
+            Whether the pressure of each point has reached the hardness. By default, `plastic_fraction` is NaN.
         fractions : array, (n1, n2), optional
-            Fraction of the dissipation at each point. By default the fraction of each cell is NaN.
+            Fraction of the dissipation at each point. By default, `drop_fraction` is NaN.
         boundary : tuple of two str
-            Continuation of the surface, see `Cut.split_with_overlaps`.
+            How the surface continues beyond its border, see `Cut.split_with_overlaps`.
         """
         k = np.full((flow.drop.pressures.size, 2, *cut.shape), np.nan)
         counts, failures = [], []
@@ -372,19 +378,20 @@ def correction_factors(
 ) -> Array:
     """Compute the correction factor of each state for one axis.
 
-    The factor is the leakage of the whole surface divided by that of its cells in order. It is not defined in a state
-    in which the surface or its cells are sealed, or their leakage is unknown. Such a state takes the factor of the
-    nearest state in the same branch of the load cycle, or 1 if no state of the branch has a factor. The factor is
-    limited, because in a nearly closed surface it depends on single constrictions, which other seals do not have.
+    The correction factor is the leakage of the whole surface divided by the leakage of its cells in their original
+    order. If the surface or its cells are sealed in a state, or if a leakage is unknown, the state has no factor of its
+    own. A state without a factor takes the factor of the nearest state in the same branch of the load cycle. If no
+    state of a branch has a factor, the factor is 1. The correction factor is limited, because the factor of a nearly
+    closed surface depends on single constrictions, which are not typical of other parts of the seal.
 
     Parameters
     ----------
     surface, cells : arrays, (steps,)
-        Leakage or permeability along the axis, of the whole surface and of its cells in order.
+        Leakage or permeability along the axis, of the whole surface and of its cells in their original order.
     steps : LoadProgramme
         Load programme.
     largest : float
-        Largest factor; the smallest one is 1/`largest`.
+        Largest correction factor; the smallest correction factor is 1/`largest`.
 
     Returns
     -------

@@ -1,11 +1,12 @@
-"""Interpolate the permeability of a cell between tabulated pressures, for any load cycle.
+"""Interpolate the permeability of a cell between tabulated pressures, on loading and on unloading.
 
-ln k is a nearly linear function of the cube root of the pressure, from first touch to closing. It is interpolated
-monotonically over this cube root (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980, 238). The peak is the
-pressure at which an unloading begins, and the reopening pressure is that at which a closed cell opens again on
-unloading. The unloading curve of any peak is interpolated between the curves of the tabulated peaks below and above it,
-at equal fractions of the reopening pressures. It is corrected so that it begins on the loading curve. Below the lowest
-tabulated peak, the unloading curves tend to the loading curve, as without plastic deformation.
+From first contact to closing, ln k is a nearly linear function of the cube root of the pressure. ln k is therefore
+interpolated monotonically over the cube root of the pressure (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980,
+238). The peak is the pressure at which an unloading begins. The reopening pressure is the pressure at which a closed
+cell opens again on unloading. The unloading curve of a peak is interpolated between the unloading curves of the two
+nearest tabulated peaks, at equal fractions of the reopening pressures. The interpolated unloading curve is corrected so
+that it begins on the loading curve. For a peak below the lowest tabulated peak, the unloading curve is interpolated
+between the loading curve and the unloading curve of the lowest tabulated peak.
 """
 
 from __future__ import annotations
@@ -20,13 +21,13 @@ from ..loads import LoadProgramme
 
 
 class LogCurve:
-    """Interpolate ln k as a function of a variable x, from open states at small x to closed states at large x.
+    """Interpolate ln k of a cell that is open for small values of a variable x and closed for large values of x.
 
     Attributes
     ----------
     end : float
-        Value of x at which the cell closes, in the middle between the last open and the first closed point. It is inf
-        if the cell is open at all points, and −inf if it is closed at all points.
+        Value of x at which the cell closes, midway between the last open point and the first closed point. If the cell
+        is open at all points, `end` is inf; if the cell is closed at all points, `end` is −inf.
     """
 
     def __init__(self, x: Array, k: Array) -> None:
@@ -46,9 +47,9 @@ class LogCurve:
         self._inner = PchipInterpolator(self._x, self._log_k) if n_open > 1 else None
 
     def __call__(self, x: Array) -> Array:
-        """Evaluate ln k at x. Beyond the end of the curve the cell is closed, and ln k is −inf.
+        """Evaluate ln k at x. For x > `end`, the cell is closed, and ln k is −inf.
 
-        Below the first point the curve is constant. Between the last open point and the end it is continued linearly.
+        Below the first point, ln k is constant. Between the last open point and `end`, ln k is continued linearly.
         """
         x = np.asarray(x, float)
         if not self._x.size:
@@ -70,10 +71,10 @@ class CellCurves:
     Parameters
     ----------
     steps : LoadProgramme
-        Tabulated pressures. In all unloadings, the steps are at the same fractions of the peak.
+        Load programme of the tabulated pressures. All unloadings have pressures at the same fractions of the peak.
     k : array, (steps,)
-        Permeability at each tabulated pressure [m³]. States with NaN are omitted from the curves. If no state on
-        loading (or on unloading) is known, the permeability on loading (or on unloading) is NaN.
+        Permeability at each tabulated pressure [m³]. States whose permeability is NaN are left out. If all states on
+        loading are NaN, `k_on_loading` returns NaN. If all states on unloading are NaN, `k_on_unloading` returns NaN.
     """
 
     def __init__(self, steps: LoadProgramme, k: Array) -> None:
@@ -90,8 +91,8 @@ class CellCurves:
             if not known_steps.size or not on_loading.any():
                 continue
             rising = known_steps[::-1]  # from low to high pressure
-            # The curve is a function of the pressure as a fraction of the peak. At the peak itself (fraction 1), the
-            # permeability is that on loading.
+            # The unloading curve is a function of the pressure as a fraction of the peak. At the peak itself (fraction
+            # 1), the permeability is equal to the permeability on loading.
             fractions = np.append(steps.pressures[rising] / peak, 1.0)
             at_peak = self.k_on_loading(np.array(peak))
             self._unloading.append(LogCurve(fractions, np.append(k[rising], at_peak)))
@@ -101,7 +102,7 @@ class CellCurves:
 
     @cached_property
     def loading(self) -> LogCurve:
-        """ln k as a function of the cube root of the pressure on loading."""
+        """Loading curve of the cell: ln k as a function of the cube root of the pressure."""
         return LogCurve(np.cbrt(self._pressure), self._k)
 
     def k_on_loading(self, pressure: Array) -> Array:
@@ -111,15 +112,16 @@ class CellCurves:
         return np.exp(self.loading(np.cbrt(pressure)))
 
     def k_on_unloading(self, pressure: Array, peak: Array) -> Array:
-        """Evaluate the permeability k during unloading from given peaks to given lower pressures, all > 0 [Pa].
+        """Evaluate the permeability k at given pressures during unloading from given peaks, all > 0 [Pa].
 
-        The result is interpolated between the curves of the tabulated peaks below and above each given peak. It is at
-        least the permeability at the peak, and at most that on loading at the same pressure.
+        The permeability is interpolated between the unloading curves of the tabulated peaks below and above each given
+        peak. The interpolated permeability is limited: at least the permeability at the peak, and at most the
+        permeability on loading at the same pressure.
 
         Parameters
         ----------
         pressure, peak : arrays, (n,)
-            Pressures on unloading, and the peaks from which the cell is unloaded [Pa].
+            Pressures during unloading, and peak pressures from which the cell is unloaded [Pa].
 
         Returns
         -------
@@ -152,7 +154,7 @@ class CellCurves:
         inside = np.clip(relative, 0, 1)
 
         def interpolate(relative_pressure: Array) -> Array:
-            """Interpolate ln k between the curves of both knots, at fractions of their reopening pressures."""
+            """Interpolate ln k between the curves of two neighbouring knots, at fractions of the reopening pressure."""
             below = self._log_k_at_knots(upper - 1, relative_pressure, peak)
             above = self._log_k_at_knots(upper, relative_pressure, peak)
             return _interpolate_log_k(weight, below, above)
@@ -176,16 +178,17 @@ class CellCurves:
         return np.where((relative <= 1) & np.isfinite(on_loading), np.exp(log_k), 0.0)
 
     def _log_k_at_knots(self, knot: Indices, relative: Array, peak: Array) -> Array:
-        """Evaluate ln k (n,) at n points, each on the curve of its knot.
+        """Evaluate ln k at n points, each on the curve of a given knot.
 
         Knot 0 is the loading curve, and knot m the unloading curve from the m-th tabulated peak.
 
-        knot : knot of each point (n,).
-        relative : pressure of each point as a fraction of the reopening pressure of its knot (n,). On the loading
-        curve, it is a fraction of the peak, or of the closing pressure if that is lower.
-        peak : peak from which each point is unloaded (n,) [Pa].
+        knot : array (n,), number of the knot on whose curve each point lies.
+        relative : array (n,), pressure of each point as a fraction of the reopening pressure of the curve. For the
+            loading curve, the pressure is given as a fraction of the peak or of the closing pressure, whichever is
+            lower.
+        peak : array (n,), peak pressure from which the cell is unloaded at each point [Pa].
         """
-        # the loading curve is a function of the cube root of the pressure, and ends at that of the closing pressure
+        # the loading curve is a function of the cube root of the pressure, and ends at the root of the closing pressure
         root_of_closing = max(self.loading.end, 0.0)
         root_of_reference = np.minimum(np.cbrt(peak), root_of_closing)
         log_k = self.loading(np.cbrt(relative) * root_of_reference)  # replaced at all other knots
@@ -197,12 +200,12 @@ class CellCurves:
         return log_k
 
     def k_on_paths(self, paths: Array, steps: LoadProgramme) -> Array:
-        """Evaluate k (steps, paths) [m³] on pressure paths.
+        """Evaluate the permeability k (steps, paths) [m³] of the cell on several pressure paths.
 
-        paths : contact pressure of a cell at each step, on each path (steps, paths) [Pa].
+        paths : array (steps, paths), contact pressure of the cell at each step of each path [Pa].
         """
         peak = local_peaks(paths, steps)
-        # at its own peak a cell is on the loading curve, even where the seal is being unloaded
+        # a cell at its highest pressure is on the loading curve, even while the seal is being unloaded
         down = paths < peak
         k = self.k_on_loading(np.maximum(paths, 0.0))
         k[down] = self.k_on_unloading(np.maximum(paths[down], 0.0), peak[down])
@@ -210,18 +213,21 @@ class CellCurves:
 
 
 def _reopening_fraction(unloading: LogCurve) -> float:
-    """Return the reopening pressure of a cell on unloading as a fraction of the peak; 0 if the cell stays closed."""
+    """Return the ratio of the reopening pressure of a cell to the peak pressure; 0 if the cell stays closed."""
     return min(max(unloading.end, 0.0), 1.0)
 
 
 def _interpolate_log_k(weight: Array, a: Array, b: Array) -> Array:
-    """Interpolate ln k linearly, (1 − weight) a + weight b. If one of a and b is −inf (closed), return the other."""
+    """Interpolate ln k linearly between the values a and b: (1 − weight) a + weight b.
+
+    If one of the two values is −inf, because the cell is closed, the finite value is returned.
+    """
     closed_a = np.isneginf(a)
     closed_b = np.isneginf(b)
-    # where one value is closed, the other one gets the whole weight
+    # where one value is −inf, the finite value gets the whole weight
     weight = np.where(closed_b, 0.0, weight)
     weight = np.where(closed_a, 1.0, weight)
-    # 0 takes the place of −inf, because 0 · (−inf) is NaN
+    # −inf is replaced by 0, because 0 · (−inf) is NaN
     finite_a = np.where(closed_a, 0.0, a)
     finite_b = np.where(closed_b, 0.0, b)
     mean = (1 - weight) * finite_a + weight * finite_b
@@ -229,11 +235,11 @@ def _interpolate_log_k(weight: Array, a: Array, b: Array) -> Array:
 
 
 def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
-    """Return the highest pressure of a cell up to each step, on each pressure path (steps, paths) [Pa].
+    """Return the highest pressure of a cell up to each step, on each pressure path: array (steps, paths) [Pa].
 
-    The history of an unloading step is the loading up to its peak and the unloading from there. The pressure of a cell
-    may decrease while that of the seal increases. The step at which the cell has its highest pressure then differs from
-    that at which the seal has it.
+    The history of an unloading step consists of the loading up to the peak load, and of the unloading from the peak
+    load to the step. The contact pressure of a single cell may decrease while the pressure of the seal increases. A
+    cell may therefore have its highest pressure at another step than the seal.
     """
     highest = paths.copy()
     for branch in steps.branches:

@@ -1,9 +1,10 @@
-"""Measure how strongly the flow through a surface is concentrated in a few places.
+"""Measure how strongly the flow through a surface is concentrated at a few constrictions.
 
-In a nearly closed surface, the flow passes through a few constrictions, so that one measured patch says little about
-others. To count them, the surface is divided into blocks as large as one short wave. With the dissipation d in each
-block, the participation number N = (Σd)²/Σd² is the effective number of blocks that carry the flow. Source: Bell &
-Dean, Discuss. Faraday Soc. 50, 1970, 55, where N is the number of sites that a vibrational state occupies.
+In a nearly closed surface, the flow passes through a few constrictions, so that the leakage of one measured patch says
+little about the leakage of other patches. To count the constrictions, the surface is divided into blocks with the size
+of one short wave. The participation number N = (Σd)²/Σd², with the dissipation d in each block, is the effective number
+of blocks that carry the flow. Source: Bell & Dean, Discuss. Faraday Soc. 50, 1970, 55 (participation number of a
+vibrational state).
 """
 
 from __future__ import annotations
@@ -23,12 +24,13 @@ _FLAT_BLOCK = 8
 def participation_number(dissipation: Floats, blocks: Shape) -> float:
     """Compute the participation number, the effective number of blocks that carry the flow.
 
-    It is the number of all blocks for a uniform flow, 1 if all energy is dissipated in one block, and NaN without flow.
+    The participation number is the number of all blocks for a uniform flow, 1 if all energy is dissipated in one block,
+    and NaN if nothing flows.
 
     Parameters
     ----------
     dissipation : array, (n1, n2)
-        Dissipation in each pixel, up to a constant factor; NaN where nothing flows.
+        Dissipation in each pixel, in any unit; NaN at pixels without flow.
     blocks : tuple of two int
         Numbers of blocks along x1 and x2, see `blocks_of_one_wave`.
 
@@ -46,9 +48,9 @@ def participation_number(dissipation: Floats, blocks: Shape) -> float:
 
 
 def blocks_of_one_wave(surface: Surface) -> Shape:
-    """Return the numbers of blocks along x1 and x2, so that each block is about as large as one short wave.
+    """Return the numbers of blocks along x1 and x2, for blocks whose sides are about one short wavelength long.
 
-    The wavelength of a short wave is a property of the surface and does not depend on the pixel size, see `short_wave`.
+    The short wavelength is a property of the surface, and does not depend on the pixel size, see `short_wave`.
     """
     wave = short_wave(surface)
     m1, m2 = (max(1, round(length / wave)) for length in surface.size)
@@ -57,15 +59,15 @@ def blocks_of_one_wave(surface: Surface) -> Shape:
 
 
 def short_wave(surface: Surface) -> float:
-    """Return the wavelength [m] above which the waves contain 95 % of the mean square slope.
+    """Return the short wavelength [m] of a surface, chosen so that all longer waves have 95 % of the mean square slope.
 
-    For several patches, the result is the median over the patches.
+    For several patches, the median of the short wavelengths of the patches is returned.
     """
     return float(np.median([_short_wave(patch) for patch in surface.patches]))
 
 
 def _short_wave(patch: Topography) -> float:
-    """Compute the wavelength [m] that `short_wave` returns, for a single map."""
+    """Compute the short wavelength [m] of a single patch, see `short_wave`."""
     q1, q2 = wavenumber_grids(patch.shape, patch.spacing, patch.periodic)
     squared = q1**2 + q2**2
     heights = patch.heights - patch.heights.mean()

@@ -450,7 +450,7 @@ def test_a_second_face_is_laid_on_the_first(tmp_path, two_faces):
         (
             0,
             {"shift": ["1 um", "0 um"]},
-            r"face\.0: given shift, expected no such keys here, only in the table of the second face",
+            r"face\.0: given shift, expected no such keys in the table of the first face, only in the table of the second face",
         ),
         (1, {"mirror": "x3"}, r"face\.1\.mirror"),
         (1, {"rotate": 90}, r"face\.1\.rotate"),
