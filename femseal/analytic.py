@@ -275,7 +275,7 @@ def large_gap(mean_gap: ArrayLike, rms: float) -> Array:
 
 
 def stripes_across(permeabilities: ArrayLike) -> float:
-    """Return the permeability of stripes of equal width in series: the harmonic mean, or 0 if one of them is closed."""
+    """Return the permeability of stripes of equal width in series: the harmonic mean, or 0 if a stripe is closed."""
     k = _reals(permeabilities)
     return float(1 / np.mean(1 / k)) if np.all(k > 0) else 0.0
 
@@ -514,19 +514,21 @@ def _gap_of_touching_parts(
         contact fraction without waves.
     """
     x, erf_x, G = _gap_integral()
-    # an elastic solid with this modulus has the same contact fraction as the solid that yields
+    # An elastic solid with the contact modulus E and the rms slope h′ has the contact fraction erf(√2 p̄/(E h′)). E is
+    # chosen so that the elastic solid has the same contact fraction as the solid that yields.
     rms_slope = sqrt(square_slope[-1])
     softer_modulus = sqrt(2) * pressure / (rms_slope * np.interp(area[-1], erf_x, x))
     lowest_modulus = min(modulus, softer_modulus)
     # The arrays below have a row for each resolution, and a column for each wave. Waves that are shorter than the
     # resolution separate the parts in apparent contact; the integrand of longer waves is 0.
 
-    # mean square slope up to the middle of the band of each wave (column,)
+    # mean square slope up to the middle of the band of each wave (wave,)
     middle = (square_slope[1:] + square_slope[:-1]) / 2
-    # mean square slope of the waves between the resolution and each wave
+    # mean square slope of the waves between the resolution and each wave (resolution, wave)
     slope_between = middle - square_slope[:-1, None]
     w = np.sqrt(2 / np.where(slope_between > 0, slope_between, inf))
-    # u = √π ∫ q′²C w G(w p̄/AE*) dq′, see `critical_junction`, where ∫ q′C dq′ over the band of a wave is power/2π
+    # u = √π ∫ q′²C w G(w p̄/AE*) dq′, see `critical_junction`. Over the band of a wave, ∫ q′C dq′ is power/2π, so that
+    # the factor of the sum is √π/2π = 1/(2√π).
     lower_limit = np.maximum(w * pressure / (area[:-1, None] * lowest_modulus), x[0])
     integrand = q * power * w * np.interp(np.log(lower_limit), np.log(x), G)
     return integrand.sum(axis=1) / (2 * sqrt(pi))

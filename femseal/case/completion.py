@@ -40,7 +40,7 @@ _TABLES = (
     "stochastic",
     "output",
 )
-#: Former keys of [face] and their present names. They are read until the next version.
+#: Former keys of [face] and their present names. Former keys are accepted until the next version.
 _RENAMED_FACE_KEYS = {"places": "patches"}
 #: Largest factor by which a property may differ from the property of the named fluid or solid without a warning.
 _ODD_RATIO = 2.0

@@ -23,8 +23,8 @@ def case_schema() -> dict[str, Any]:
         del schema["properties"][name]
     fluids = schema["properties"]["fluid"]["oneOf"]
     fluid_tables = [option["$ref"].rpartition("/")[2] for option in fluids]
-    # No key is required in the tables of fluids and solids, because a name can replace the other keys, and in tables
-    # that have a default kind.
+    # In the tables of fluids and solids, no key is required, because a name can replace all other keys. In tables with
+    # a default kind, no key is required either.
     for table in (*fluid_tables, "SolidTable", "FileFace", "RectangularLayoutTable"):
         del schema["definitions"][table]["required"]
     schema["definitions"]["CoatingTable"]["required"] = ["thickness"]

@@ -184,7 +184,7 @@ class SolidTable(Table):
 
     @model_validator(mode="after")
     def _check_law(self) -> SolidTable:
-        """Raise an InputError if keys about the hardness contradict each other, or if one of them is missing."""
+        """Raise an InputError if keys about the hardness contradict each other or are incomplete."""
         strengths = self._given("yield_stress", "hardness", "hardness_table")
         curves = self._given("hardening", "nix_gao_depth")
         for keys in (strengths, curves):

@@ -154,7 +154,10 @@ def _create_table(
     base : class from which the table is derived.
     other_keys : dictionary that the function `other_keys` of `table_for_each` returns for the dataclass.
     """
-    types = get_type_hints(cls) | other_keys
+    # a pair of a type and a declaration adds a key, and a single type replaces the type of a field
+    added_keys = {name: entry for name, entry in other_keys.items() if isinstance(entry, tuple)}
+    replaced_types = {name: entry for name, entry in other_keys.items() if name not in added_keys}
+    types = get_type_hints(cls) | replaced_types
     keys: dict[str, Any] = {"kind": (Literal[kind], ...)}
     # keyword-only parameters come last, because they are less important
     for field in sorted(fields(cls), key=lambda field: bool(field.kw_only)):
@@ -164,8 +167,7 @@ def _create_table(
         }
         value_type = _annotated(types[field.name], field.metadata)
         keys[field.name] = value_type, key(default=default, **arguments)
-    # pairs of a type and a declaration are further keys; all other entries have replaced types above
-    keys |= {name: entry for name, entry in other_keys.items() if isinstance(entry, tuple)}
+    keys |= added_keys
     name = f"{cls.__name__}Table"
     # the docstring "Describe a straight strip." becomes "A straight strip."
     summary = (cls.__doc__ or "").split("\n\n")[0].removeprefix("Describe ")
@@ -244,8 +246,8 @@ def _values_outside(values: list[Any], field: FieldInfo) -> list[tuple[float, Us
     """
     annotations = (*type_parts(field.annotation), *field.metadata)
     ranges = {part.unit: part for part in annotations if isinstance(part, UsualRange)}
-    # If a key allows several units, its values are of the class `Amount`, with an attribute `unit`. Otherwise they are
-    # plain numbers, and the key has a single range.
+    # If a key allows several units, its values are of the class `Amount`, with an attribute `unit`. The values of a key
+    # with a single unit are plain numbers, and the key has a single range.
     only_unit = next(iter(ranges)) if len(ranges) == 1 else None
     outside = []
     for value in values:

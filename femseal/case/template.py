@@ -170,18 +170,11 @@ def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> It
         the list are not written again. The function adds the classes of the table to `written`.
     """
     tables = tables_in(field)  # one class for each kind
-    explained: set[tuple[str, str | None]] = (
-        set()
-    )  # keys and meanings in the blocks of earlier kinds
+    # keys and meanings in the blocks of earlier kinds
+    explained: set[tuple[str, str | None]] = set()
     for number, table in enumerate(tables):
         is_repeated = table in written
-        # A block is active if it is written without comment signs. There are two such blocks: the first kind of a
-        # required table, and a table of a single kind that has active keys.
-        is_first_of_required = number == 0 and field.is_required()
-        has_active_keys = any(map(_is_active, keys_of(table).values()))
-        is_only_kind_with_active_keys = len(tables) == 1 and has_active_keys
-        should_be_active = is_first_of_required or is_only_kind_with_active_keys
-        is_active = should_be_active and not is_repeated
+        is_active = _is_active_block(field, number) and not is_repeated
         heading = (field.description or "") if number == 0 else ""
         rows = [_line(f"[{name}]", heading, is_active)]
         for key, inner in keys_of(table).items():
@@ -194,7 +187,7 @@ def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> It
         yield "".join(rows)
         explained |= {(key, inner.description) for key, inner in keys_of(table).items()}
     if tables and tables[0] not in written:
-        # the blocks of the tables inside this one, each of them once for all kinds
+        # the blocks of the tables inside this table; each block is written once for all kinds
         inner_keys: dict[str, FieldInfo] = {}
         for table in tables:
             inner_keys |= keys_of(table)
@@ -202,6 +195,22 @@ def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> It
             if _has_own_block(inner):
                 yield from _table_blocks(f"{name}.{key}", inner, written)
     written += tables
+
+
+def _is_active_block(field: FieldInfo, number: int) -> bool:
+    """Return whether a block of a table is written without comment signs.
+
+    A block is active if it describes the first kind of a required table, or a table of a single kind with active keys.
+
+    Parameters
+    ----------
+    field : declaration of the key of the table.
+    number : number of the kind that the block describes, from 0.
+    """
+    tables = tables_in(field)  # one class for each kind
+    is_first_of_required = number == 0 and field.is_required()
+    has_active_keys = any(_is_active(key_field) for key_field in keys_of(tables[number]).values())
+    return is_first_of_required or (len(tables) == 1 and has_active_keys)
 
 
 def _has_own_block(field: FieldInfo) -> bool:

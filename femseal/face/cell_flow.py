@@ -190,7 +190,7 @@ def cell_permeabilities(
         solvers.append(SolveCounts.of(cell.flow))
         if k[0] == 0:  # a closed cell is closed at every fluid pressure
             break
-    # the cell counts once, however many systems were solved for it
+    # the cell counts once, however many linear systems were solved for the cell
     is_open = cell.flow.percolates
     counts = SolveCounts.total(solvers)
     return CellPermeabilities(k, replace(counts, solved=int(is_open), closed=int(not is_open)))

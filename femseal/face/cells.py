@@ -41,8 +41,8 @@ Boundary = tuple[str, str]
 def usual_cells(surface: Surface, in_order: bool = False) -> Shape:
     """Return the default numbers of cells along x1 and x2, for nearly square cells.
 
-    There are four cells along the shorter side of the shortest patch. If the cells keep their original order
-    (`in_order`), there are only two cells.
+    The shorter side of the shortest patch is divided into four cells; for cells in their original order (`in_order`),
+    into two cells.
     """
     d1, d2 = surface.spacing
     n1 = surface.shape[0]
@@ -379,10 +379,10 @@ def correction_factors(
     """Compute the correction factor of each state for one axis.
 
     The correction factor is the leakage of the whole surface divided by the leakage of its cells in their original
-    order. If the surface or its cells are sealed in a state, or if a leakage is unknown, the state has no factor of its
-    own. A state without a factor takes the factor of the nearest state in the same branch of the load cycle. If no
-    state of a branch has a factor, the factor is 1. The correction factor is limited, because the factor of a nearly
-    closed surface depends on single constrictions, which are not typical of other parts of the seal.
+    order. If the surface or its cells are sealed in a state, or if a leakage is unknown, the state has no factor. A
+    state without a factor takes the factor of the nearest state in the same branch of the load cycle. If no state of a
+    branch has a factor, the factor is 1. The correction factor is limited, because the factor of a nearly closed
+    surface depends on single constrictions, which are not typical of other parts of the seal.
 
     Parameters
     ----------

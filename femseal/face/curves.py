@@ -43,7 +43,7 @@ class LogCurve:
             self.end = float(x[n_open - 1] + x[n_open]) / 2
         self._x = x[:n_open]
         self._log_k = np.log(k[:n_open])
-        #: Interpolation between the open points; None with fewer than two of them.
+        #: Interpolation between the open points; None if there are fewer than two open points.
         self._inner = PchipInterpolator(self._x, self._log_k) if n_open > 1 else None
 
     def __call__(self, x: Array) -> Array:

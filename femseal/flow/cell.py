@@ -230,7 +230,7 @@ def cell_flow(
     n1, n2 = h.shape
     if solver in PLAIN_SOLVERS:
         flow = solve_plain(h, (d1, d2), sides, rtol=rtol, field_rtol=field_rtol, solver=solver)
-        along = cell_stencil(h, (d1, d2), sides).along
+        along = cell_stencil(h, (d1, d2), sides).along  # for the flux in the core
     else:
         stencil = cell_stencil(h, (d1, d2), sides)
         del h  # large faces need its memory
@@ -334,7 +334,8 @@ def _solve_laplace(unknown: Flags, r: Singles) -> Singles:
     operator[0, 1:-1, 1:-1] = centre
     operator[1, 1:-1, 1:-1] = unknown & np.roll(unknown, -1, 1) & (n2 > 1)
     operator[2, 1:-2, 1:-1] = unknown[:-1] & unknown[1:]
-    operator[:, :, 0] = operator[:, :, -2]  # the border continues the operator periodically
+    # the border along x2 continues the operator periodically
+    operator[:, :, 0] = operator[:, :, -2]
     operator[:, :, -1] = operator[:, :, 1]
     levels, coarsest = levels_of_operator(operator, True)
     allowed = _FILL_RTOL**2 * float(np.vdot(r, r)) / 4

@@ -2,7 +2,7 @@
 
 A cell is solved together with its overlaps (oversampling), so that fluid can leave the core through the sides and come
 back. Only the flux inside the core counts for the permeability. For a uniform gap and for parallel grooves, the
-permeability is equal to that of the core without overlaps.
+permeability with overlaps is equal to the permeability without overlaps.
 Source: Hou & Wu, J. Comput. Phys. 134, 1997, 169.
 """
 

@@ -123,7 +123,7 @@ def _runs(along, across):
     first = np.empty(n1 * n2 + 2, np.int32)
     count = 0
     for i in range(n1):
-        widest = 0.0  # width of the widest link of the present run
+        largest = 0.0  # largest conductance inside the present run
         is_inside = False  # whether the node on the left is open
         for j in range(n2):
             left = across[i, j - 1] if j > 0 else 0.0
@@ -136,12 +136,12 @@ def _runs(along, across):
             if not is_open:
                 is_inside = False
                 continue
-            if is_inside and left > 0.0 and left >= _NARROW * widest:
-                widest = max(widest, left)
+            if is_inside and left > 0.0 and left >= _NARROW * largest:
+                largest = max(largest, left)
             else:  # the link on the left is narrow, so that a new run begins
                 count += 1
                 first[count] = i * n2 + j
-                widest = 0.0
+                largest = 0.0
             is_inside = True
             run[i, j] = count
     return run, first, count + 1
@@ -171,26 +171,26 @@ def _joints(along, across, run):
     count = 0
     # links between two rows of nodes
     for i in range(n1):
-        # the two runs that the last joint of this row of links connects, and the width of its link
+        # the two runs that the last joint of this row of links connects, and the conductance of the joint
         last_above = last_below = -1
-        widest = 0.0
+        largest = 0.0
         for j in range(n2):
-            width = along[i, j]
-            if not width > 0.0:
+            conductance = along[i, j]
+            if not conductance > 0.0:
                 continue
             run_above = run[i - 1, j] if i > 0 else 0
             run_below = run[i, j] if i < n1 - 1 else 0
             if run_above == last_above and run_below == last_below:
-                # another link between the same two runs: the joint keeps the wider one
-                if width > widest:
-                    widest = width
+                # another link between the same two runs: the joint is the link with the larger conductance
+                if conductance > largest:
+                    largest = conductance
                     link[count - 1] = i * n2 + j
-                    exponent[count - 1] = frexp(width)[1]
+                    exponent[count - 1] = frexp(conductance)[1]
                 continue
             last_above, last_below = run_above, run_below
-            widest = width
+            largest = conductance
             above[count], below[count], link[count] = run_above, run_below, i * n2 + j
-            exponent[count] = frexp(width)[1]
+            exponent[count] = frexp(conductance)[1]
             count += 1
     # links between two runs of the same row
     for i in range(n1 - 1):
@@ -239,10 +239,11 @@ def _send_excess(along, across, run, first, link, excess, number):
     link : number of the link to the parent, counted as in `_joints`.
     number : number of the run.
     """
+    # Part 1: find the two nodes of the link, and its conductance. Inner nodes are numbered row by row.
     n1, n2 = along.shape
     run_of_node = run.reshape(-1)
     i = first // n2  # row of the run
-    row_end = (i + 1) * n2  # node after the last one of this row
+    row_end = (i + 1) * n2  # number of the node after the last node of this row
     # the link leads from `exit_node` of this run to `parent_node` of its parent
     is_along = link < n1 * n2  # otherwise it is a link of `across`
     if is_along:
@@ -250,7 +251,7 @@ def _send_excess(along, across, run, first, link, excess, number):
         j = link % n2
         conductance = along[link_row, j]
         exit_node = i * n2 + j
-        # the links of `along` in row i lie above the inner nodes of row i, and those in row i + 1 below them
+        # row i of `along` contains the links above the inner nodes of row i, and row i + 1 the links below these nodes
         parent_node = exit_node - n2 if link_row == i else exit_node + n2
         if link_row == 0 or link_row == n1 - 1:
             parent_node = -1  # inlet or outlet, whose excess is not stored
@@ -261,14 +262,14 @@ def _send_excess(along, across, run, first, link, excess, number):
         parent_node = i * n2 + (j + 1) % n2
         if run_of_node[exit_node] != number:
             exit_node, parent_node = parent_node, exit_node
-    # A flux q through a link of conductance c has the energy q²/c. First, the excess of the nodes on the left of
-    # `exit_node` is collected from link to link; link k of the row leads from node k to node k + 1.
+    # Part 2: send the excess, and add up the energies q²/c of the fluxes q. The excess of the nodes on the left of
+    # `exit_node` is sent to the right, from node k to node k + 1, through the links of the row.
     energy = 0.0
     total = 0.0
     for k in range(first, exit_node):
         total += excess[k]
         energy += total**2 / across[i, k - i * n2]
-    # then the excess of the nodes on its right, from the last node of the run backwards
+    # the excess of the nodes on the right of `exit_node` is sent to the left, beginning at the last node of the run
     last = exit_node
     while last + 1 < row_end and run_of_node[last + 1] == number:
         last += 1

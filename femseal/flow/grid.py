@@ -33,9 +33,9 @@ from ..base import Array, Indices, InputError, Pair
 from ..base.compiled import compiled, inner, over, rows
 from . import forms
 
-#: Limits of the ratio of the interpolated gap to the smaller of the two adjacent gaps. On 140 gaps with eight pixels
-#: for the shortest wave, in contact or cut by a plane, the upper limit changes the median error of the permeability
-#: from 5.6e-3 to 5.3e-3.
+#: Limits of the ratio of the interpolated gap of a link to the smaller of the gaps at the two ends of the link. On 140
+#: gaps with eight pixels for the shortest wave, in contact or cut by a plane, the upper limit changes the median error
+#: of the permeability from 5.6e-3 to 5.3e-3.
 _LEAST, _MOST = 0.1, 4.0
 #: If the cubic is below the first number times the smaller adjacent gap, the larger second difference is limited to the
 #: second number times the smaller one. With 0.88 the flow between plates with a step in the gap is exact: the reduced
@@ -300,16 +300,17 @@ def _midway(before, a, b, after):
     """
     smaller = min(a, b)
     cubic = (9.0 * (a + b) - (before + after)) / 16.0
-    # The cubic is the mean of a and b less 1/16 of the sum of the second differences at a and b. A jump of the gap
-    # beyond a or b makes one of them large, so the larger one is reduced to at most _JUMP times the smaller one.
+    # The cubic is the mean of a and b less 1/16 of the sum of the second differences at a (`left`) and at b (`right`).
+    # A jump of the gap next to a or b makes one second difference large. The larger second difference is therefore
+    # reduced to at most _JUMP times the smaller one.
     left = before - 2.0 * a + b
     right = a - 2.0 * b + after
     least = max(min(left, right), 0.0)
     most = min(max(left, right), _JUMP * least)
     limited = 0.5 * (a + b) - (least + most) / 16.0
-    # the limited value only replaces a cubic that is lower, and only up to _DIP times the smaller gap
+    # the limited value replaces the cubic only if the cubic is lower, and only up to _DIP times the smaller gap
     middle = max(cubic, min(limited, _DIP * smaller))
-    # within fixed factors of the smaller gap, so that the link closes together with either pixel
+    # the limits are multiples of the smaller gap, so that the link closes if one of its pixels closes
     return max(min(middle, _MOST * smaller), _LEAST * smaller)
 
 
@@ -335,8 +336,8 @@ def gap_on_rows(first, end, gap, ring1, ring2, on1, on2):
     """
     n1, n2 = gap.shape
     for i in range(first, on1.shape[0] if end == n1 else end):
-        # The four pixels around link i, which lies between the second and the third of them. These are the pixels i and
-        # i + 1 of a ring; otherwise they are the pixels i − 1 and i, because link 0 is at the inlet.
+        # Four pixels around link i, which lies between the second and the third of these pixels. In a ring, the second
+        # and the third pixel are i and i + 1. Without a ring they are i − 1 and i, because link 0 is at the inlet.
         start = i - 1 if ring1 else i - 2
         rows = [_inside(start + k, n1, ring1) for k in range(4)]
         before, a, b, after = gap[rows[0]], gap[rows[1]], gap[rows[2]], gap[rows[3]]

@@ -69,7 +69,7 @@ def flow_rate(inverse_knudsen: ArrayLike) -> Array:
     d = np.maximum(reals(inverse_knudsen), _LEAST)
     formula = np.digitize(d, (FREE_MOLECULAR, TRANSITION, SLIP))  # 0 to 3
     a, b, c, e = _FACTORS[:, formula]
-    # the logarithmic terms are only part of the free-molecular formula; ln 1 = 0 removes them from the others
+    # only the free-molecular formula has logarithmic terms; ln 1 = 0 removes the logarithmic terms elsewhere
     ln = np.log(np.where(d < FREE_MOLECULAR, d, 1.0))
     return np.asarray(a * d + b + c / d + e / d**2 - ln / sqrt(pi) + _EXCESS * d * ln**2)
 

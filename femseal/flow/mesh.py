@@ -160,6 +160,7 @@ class MeshSystem:
         for at_end in self.ends:
             is_at_end = np.zeros(self.size)
             is_at_end[at_end] = 1.0
+            # sum of the matrix entries between each degree of freedom and the end, which are negative conductances
             column_sum = self.total_flow(np.einsum("nij,nj->ni", local, is_at_end[self.dofs]))
             conductances.append(0.0 - column_sum[unknown])
         ends = Ends(np.array(_END_POTENTIALS), np.array(conductances))
@@ -266,16 +267,16 @@ class MeshOperators:
         inverse = np.linalg.inv(tensor[connected.carrying])
         units = self._resistance_of_axes if self._has_axes_along_edges(tensor) else self._resistance
         resistance = _combine(inverse, units, connected.carrying)
-        # Hybridisation: on each element R q = p − λ, with the outward fluxes q and the potentials λ of its facets, the
-        # potential p of the element, and Σq = 0. Eliminating p gives q = −S λ with the Schur complement
-        # S = R⁻¹ − R⁻¹1 1ᵀR⁻¹ / 1ᵀR⁻¹1, where 1 is a vector of ones.
-        inverse = np.linalg.inv(resistance)  # (element, facet, facet)
-        column = inverse.sum(axis=2)
-        schur = (
-            inverse - column[:, :, None] * column[:, None, :] / column.sum(axis=1)[:, None, None]
-        )
+        # Hybridisation: each element has the resistance matrix R, the outward fluxes q through its facets, the
+        # potential p, and the potentials λ of its facets, with R q = p − λ and Σq = 0. Eliminating p gives q = −S λ
+        # with the Schur complement S = R⁻¹ − R⁻¹1 1ᵀR⁻¹ / 1ᵀR⁻¹1, where 1 is a vector of ones.
+        inverse = np.linalg.inv(resistance)  # R⁻¹ (element, facet, facet)
+        column = inverse.sum(axis=2)  # R⁻¹1 (element, facet)
+        total = column.sum(axis=1)[:, None, None]  # 1ᵀR⁻¹1 (element, 1, 1)
+        schur = inverse - column[:, :, None] * column[:, None, :] / total
         # `RTOL` instead of its root: correcting the fluxes amplifies the error of the potential
         solution = system.solve(schur, RTOL, solver)
+        # S λ = −q: the flow from the facets into each element
         _, inward_flux = _energy_and_flux(schur, solution, system.dofs)
         flux, facet_flux = self._conserved(connected.carrying, system, resistance, -inward_flux)
         inlet, _ = system.ends
@@ -302,21 +303,23 @@ class MeshOperators:
         """
         mesh = self.mesh
         facets = system.dofs
-        # In the network to be balanced, carrying elements are the nodes 1, 2, …, both ends together are node 0, and
-        # facets are the links.
+        # Facets and elements form a network: the elements that carry flow are the nodes 1, 2, …, inlet and outlet
+        # together are node 0, and the facets are the links between the nodes.
         node = np.zeros(mesh.nelements, np.int64)
         node[carrying] = np.arange(1, carrying.size + 1)
         first, second = mesh.f2t  # the two elements of each facet; the second is −1 on the boundary
+        # a flux through a facet is counted as positive if it leaves the first element of the facet
         sign = np.where(first[facets] == carrying[:, None], 1.0, -1.0)
-        # number of carrying elements at each facet
+        # number of elements at each facet that carry flow: 2 inside the mesh, 1 on a boundary
         sides = system.total_flow(np.ones(facets.shape))
         link = np.concatenate([np.flatnonzero(sides == 2), *system.ends])
         tail = node[first[link]]
         head = np.where(second[link] >= 0, node[second[link]], 0)
         # mean of the fluxes that the elements on both sides of a facet give
         facet_flux = (system.total_flow(sign * flux) / np.maximum(sides, 1))[link]
-        width = 1 / system.total_flow(np.einsum("eii->ei", resistance))[link]
-        balance(tail, head, width, facet_flux, carrying.size + 1)
+        # approximate conductance of a facet: 1 over the resistances of its elements to a unit flux
+        conductance = 1 / system.total_flow(np.einsum("eii->ei", resistance))[link]
+        balance(tail, head, conductance, facet_flux, carrying.size + 1)
         mesh_flux = np.zeros(mesh.nfacets)
         mesh_flux[link] = facet_flux
         return sign * mesh_flux[facets], mesh_flux
@@ -404,6 +407,7 @@ class MeshOperators:
         element. In the second element, the sign of the basis function is therefore changed.
         """
         facets = self.mesh.t2f.T
+        # (element, facet): 1 in the first element of a facet, −1 in the second element
         sign = np.where(self.mesh.f2t[0, facets] == np.arange(len(facets))[:, None], 1.0, -1.0)
         local = _local_matrices(forms.flux_resistance, basis, "resistance", _UNITS)
         return local * sign[:, :, None] * sign[:, None, :]
@@ -417,9 +421,12 @@ class MeshOperators:
         """Whether the mesh is a periodic mesh of rectangles whose first two vertices are on an edge along x1."""
         if type(self.mesh) is not MeshQuad1DG:
             return False
-        x1, x2 = self.mesh.mapping().F(self.mesh.refdom.p)  # (element, corner)
-        along_x1 = np.array_equal(x2[:, [0, 2]], x2[:, [1, 3]])
-        return along_x1 and np.array_equal(x1[:, [0, 1]], x1[:, [3, 2]])
+        # coordinates (element, corner); the corners of an element are numbered around the element
+        x1, x2 = self.mesh.mapping().F(self.mesh.refdom.p)
+        # the edges from corner 0 to corner 1 and from corner 2 to corner 3 are along x1
+        has_edges_along_x1 = np.array_equal(x2[:, [0, 2]], x2[:, [1, 3]])
+        # the edges from corner 0 to corner 3 and from corner 1 to corner 2 are along x2
+        return has_edges_along_x1 and np.array_equal(x1[:, [0, 1]], x1[:, [3, 2]])
 
 
 def _local_matrices(form: Any, basis: Basis, coefficient: str, unit_tensors: Array) -> Array:

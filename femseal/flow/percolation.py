@@ -31,7 +31,7 @@ BOTH_ENDS = 3
 
 @inner()
 def find(parent, a):
-    """Find the root of a node, and shorten the path to it (path halving)."""
+    """Find the root of a node, and shorten the path to the root (path halving)."""
     while parent[a] != a:
         parent[a] = parent[parent[a]]
         a = np.int64(parent[a])
@@ -92,8 +92,9 @@ def _label_rows(begin, end, along, across, least, label, parent):
     """Label the connected components in the rows `begin` to `end` − 1 of the nodes.
 
     The inlet has the label 0, and the outlet the label 1. The nodes of each row are labelled from left to right. A node
-    takes the label of a connected neighbour above or to the left. If both these neighbours are connected and have
-    different labels, the two labels are united. If neither is connected, the node gets a new label.
+    takes the label of a connected neighbour above or to the left. If the neighbours above and to the left are both
+    connected and have different labels, the two labels are united. If no neighbour above or to the left is connected,
+    the node gets a new label.
     """
     n1, n2 = along.shape
     m2 = across.shape[1]
@@ -105,7 +106,7 @@ def _label_rows(begin, end, along, across, least, label, parent):
         is_outlet = i == n1
         for j in range(n2):
             here = np.int32(1 if is_outlet else -1)  # label of this node; −1 if there is none yet
-            # row i − 1 of `along` leads to this row of nodes, and row i − 1 of `across` lies in it
+            # row i − 1 of `along` leads to row i of the nodes, and row i − 1 of `across` lies in row i of the nodes
             if i > begin and _is_open(along[i - 1, j], least):
                 above = label[i - 1, j]
                 if here < 0:
@@ -179,7 +180,8 @@ def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0)
         keeps_along = keep[:-1] & keep[1:]
         keeps_across = np.roll(inner, -1, axis=1)
         keeps_across &= inner
-        keeps_across = keeps_across[:, : stencil.across.shape[1]]  # no seam unless it is a ring
+        # only a ring has links over the seam
+        keeps_across = keeps_across[:, : stencil.across.shape[1]]
         for c, keeps_link in ((stencil.along, keeps_along), (stencil.across, keeps_across)):
             links = c.reshape(-1)
             closed_links = np.flatnonzero((c > 0) & ~(keeps_link & (c >= least)))
@@ -246,7 +248,8 @@ def prepare_links(along: Array, across: Array) -> PreparedLinks:
     if percolates:
         exponent = frexp(max(along.max(), across.max(initial=0.0)))[1] - 1
         keep = np.equal(reached, BOTH_ENDS)
-    # A power of two changes no digit. It may be out of range itself, and is therefore split into two factors.
+    # Scaling by a power of two causes no rounding errors. The power of two may be out of the range of double precision,
+    # and is therefore split into two factors.
     half = exponent // 2
     over(parts, _restrict, along, across, keep, ldexp(1.0, -half), ldexp(1.0, half - exponent))
     return PreparedLinks(along, across, reached, exponent)

@@ -162,6 +162,7 @@ class PressureCurve:
     """
 
     def __init__(self, pressures: ArrayLike, values: Array, piecewise: bool = False) -> None:
+        """Sort the pressures, and prepare the interpolation."""
         order = np.argsort(pressures)
         self._knots = np.asarray(pressures, dtype=float)[order]
         self._piecewise = piecewise
@@ -192,8 +193,9 @@ class PressureCurve:
         log_k = np.log(np.where(self._is_open, k, 1.0))
         self._coefficients = chebyshev.chebfit(t, log_k, t.size - 1)
         slope = chebyshev.chebval(-1.0, chebyshev.chebder(self._coefficients))  # d ln k/dt
-        # d ln k/d ln p at the lowest pressure, which is used below it; −1 is the limit of free-molecular flow.
-        # The factor 2/ptp is dt/d ln p, as t runs from −1 to 1 over the range of ln p.
+        # Below the lowest tabulated pressure, ln k is continued with the slope d ln k/d ln p at this pressure, limited
+        # to the range from −1 (free-molecular flow) to 0 (viscous flow). The factor 2/ptp is dt/d ln p, because t runs
+        # from −1 to 1 over the range of ln p.
         self._slope = np.clip(2 * slope / np.ptp(self._range), -1.0, 0.0)
 
     def _scaled(self, x: Array) -> Array:
@@ -217,7 +219,8 @@ class PressureCurve:
         if self._piecewise and mobility.is_constant:
             mean = self._exact_mean(low, high)
         else:
-            # p = low + (high − low) t² with the Gauss points t, so that dp is proportional to t dt
+            # With the substitution p = low + (high − low) t², dp is proportional to t dt. The constant factor of dp
+            # cancels in the ratio of the two integrals over t from 0 to 1, which are sums over the Gauss points t.
             p = low + (high - low) * (_ROOTS**2)[:, None]  # (Gauss point, element)
             viscous, reference = mobility.at(p)
             k = self._evaluate(p, np.arange(low.size))
@@ -270,21 +273,24 @@ class PressureCurve:
 
         The integrals over the intervals between adjacent tabulated pressures are computed exactly, and added up.
         """
-        # the first and the last interval, beyond the table, are unbounded
+        # the first and the last interval, outside the tabulated pressures, are unbounded
         knots = np.array([-np.inf, *self._knots, np.inf])
         total = np.zeros(low.shape)
-        for interval, (knot, next_knot) in enumerate(pairwise(knots)):
-            # elements whose range of pressures overlaps with this interval of the table
-            elements = np.flatnonzero((low < next_knot) & (high > knot) & (high > low))
+        for interval, (interval_start, interval_end) in enumerate(pairwise(knots)):
+            # elements whose range of pressures overlaps with this interval
+            is_inside = (low < interval_end) & (high > interval_start) & (high > low)
+            elements = np.flatnonzero(is_inside)
             if not elements.size:
                 continue
-            # index of the tabulated pressure at the upper end, or of the nearest pair of pressures beyond the table
+            # index of the tabulated pressure at the end of the interval; for an unbounded interval, index of the
+            # pressure at the end of the nearest bounded interval
             upper = min(max(interval, 1), self._knots.size - 1)
-            start = np.maximum(low[elements], knot)
-            end = np.minimum(high[elements], next_knot)
+            start = np.maximum(low[elements], interval_start)
+            end = np.minimum(high[elements], interval_end)
             a, is_linear = self._between_knots(start, upper, elements)
             b, _ = self._between_knots(end, upper, elements)
-            # mean of the exponential between e^a and e^b, or of a linear function
+            # If ln k is linear from a to b, the mean of k is e^a (e^(b − a) − 1)/(b − a). If k is linear, the mean of k
+            # is (e^a + e^b)/2.
             mean = np.exp(a)
             with np.errstate(divide="ignore", invalid="ignore"):
                 mean = np.where(a == b, mean, mean * np.expm1(b - a) / (b - a))

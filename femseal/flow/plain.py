@@ -1,8 +1,8 @@
 """Compute the flow through a cell with standard functions of scikit-fem: the readable reference implementation.
 
-This module defines the discrete problem of the flow through a cell. `flow.cell` and `flow.grid` compute the same
-operator faster, without a mesh. Tests assert that the reference implementation and the fast implementation give the
-same permeability.
+The module `flow.plain` defines the discrete problem of the flow through a cell. `flow.cell` and `flow.grid` compute the
+same operator faster, without a mesh. Tests assert that the reference implementation and the fast implementation give
+the same permeability.
 
 The unknowns are the pressures at the pixel centres. The corners of each bilinear element (Q1) are four pixel centres.
 The elements at the inlet and the outlet, where the pressure is prescribed, have only half the length of a pixel. The
@@ -45,6 +45,8 @@ def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
     Symmetric matrix with (n1 + 2) n2 rows. The unknowns are the n2 pressures at the inlet, the pressures at the pixel
     centres row by row, and the n2 pressures at the outlet.
     """
+    # Step 1: the mesh. x1 and x2 are the coordinates of the lines of nodes. `column` is the column of pixels whose
+    # pressure each line of nodes along x1 has.
     (n1, n2), (d1, d2) = gap.shape, spacing
     x1 = np.concatenate([[0.0], (np.arange(n1) + 0.5) * d1, [n1 * d1]])
     if sides == "periodic":  # the last line of nodes is the first line again
@@ -56,7 +58,8 @@ def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
     mesh = MeshQuad.init_tensor(x1, x2)
     basis = Basis(mesh, ElementQuad1(), quadrature=forms.EDGE_MIDPOINTS)
 
-    # Tables of K on a grid that is twice as fine as the nodes: nodes at even indices, edge midpoints at odd ones.
+    # Step 2: K at the midpoints of the edges. The tables of K11 and K22 have a grid that is twice as fine as the grid
+    # of nodes: nodes have two even indices, and the midpoint of an edge has one odd index.
     gap1, gap2 = gap_on_links(gap, ring1=False, ring2=sides == "periodic")
     if sides == "mirror":
         gap2 = np.pad(gap2, ((0, 0), (1, 1)))  # no pressure drops from a pixel centre to its side
@@ -64,6 +67,7 @@ def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
     k11[1::2, ::2] = cubic_law(gap1)[:, column]
     k22[2:-2:2, 1::2] = cubic_law(gap2)
     x = np.asarray(basis.global_coordinates())  # (axis, element, edge)
+    # indices of the midpoint of each edge in the fine grid; np.interp converts a coordinate to the number of a line
     i = np.rint(2 * np.interp(x[0], x1, np.arange(x1.size))).astype(int)
     j = np.rint(2 * np.interp(x[1], x2, np.arange(x2.size))).astype(int)
     k = np.zeros((2, 2, *i.shape))
@@ -75,7 +79,7 @@ def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
     k[1, 1, at_end] *= 2
     matrix = forms.darcy_flow.assemble(basis, k=k)
 
-    # Nodes at which the pressure is the same by periodicity or mirroring share one unknown.
+    # Step 3: nodes that have the same pressure, because of periodicity or mirroring, share an unknown.
     row = np.searchsorted(x1, mesh.p[0])
     unknown = row * n2 + column[np.searchsorted(x2, mesh.p[1])]
     join = sp.csr_array((np.ones(unknown.size), (unknown, np.arange(unknown.size))))

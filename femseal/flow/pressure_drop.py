@@ -166,10 +166,11 @@ class PressureDrop:
         if not drop.law.depends_on_pressure:
             _, _, solution = solve(drop.law.equivalent_gap(gap))
             return solution, drop
+        start = 0.5  # at first, the potential is in the middle of its drop at all pixels
         solved = fixed_point(
             lambda fraction: drop.equivalent_gap(gap, fraction),
             solve,
-            0.5,
+            start,
             rtol=rtol,
             name="flow through a face",
         )
@@ -245,8 +246,8 @@ class PressureDrop:
     def mean_factor_of(self, gap: float) -> float:
         """Compute the ratio of the flow between parallel plates with a given gap >= 0 [m] to the viscous flow.
 
-        The ratio is ∫F dφ/Δφ, the mean of the factor F(h, p) over the viscous potential φ. This mean is finite even if
-        the outlet is a vacuum, where F itself is infinite. For an undefined gap, the ratio is NaN.
+        The ratio is ∫F dφ/Δφ, the mean of the factor F(h, p) over the viscous potential φ. The mean of F is finite even
+        if the outlet is a vacuum, where F itself is infinite. For an undefined gap, the ratio is NaN.
         """
         return replace(self, gap=max(gap, _LEAST_GAP)).mean_factor
 

@@ -23,8 +23,8 @@ MAX_IMBALANCE = 1e-5
 LINEAR = "with linear elements; mesh with elements of the first order, finer where sides are curved"
 #: Relative error of the potential, in the energy norm, that is allowed if the potential is plotted or saved.
 FIELD_RTOL = 1e-6
-#: Largest gap [m], largest ratio Δ1/Δ2 of the pixel lengths, and largest ratio of two open gaps. Their reciprocals are
-#: the smallest gap and the smallest ratios.
+#: Largest gap [m], largest ratio Δ1/Δ2 of the pixel lengths, and largest ratio of two open gaps. The smallest gap and
+#: the smallest ratios are the reciprocals of these numbers.
 _LARGEST, _SLENDER, _CONTRAST = 1e60, 1e60, 1e50
 
 

@@ -83,17 +83,21 @@ class Rectangles:
         along, across = edge_conductances()
         d1 = np.diff(self.lines)[:, None]  # (row, 1)
         d2 = self.period / self.columns
-        # each edge between two corners belongs to two rectangles, whose contributions are added
+        # contribution of each rectangle to the conductance of one of its edges, which stands for half of the rectangle
         edge1 = along * (d2 / d1) * k1
         edge2 = across * (d1 / d2) * k2
-        corners = Stencil(edge1 + np.roll(edge1, 1, axis=1), edge2[:-1] + edge2[1:])
-        # half a rectangle, from its centre to a side, has twice the width and half the length of an edge
+        # An edge between two corners belongs to two rectangles: an edge along x1 to the rectangles on its left and on
+        # its right, and an edge along x2 to the rectangles above and below.
+        corners_along = edge1 + np.roll(edge1, 1, axis=1)
+        corners_across = edge2[:-1] + edge2[1:]
+        corners = Stencil(corners_along, corners_across)
+        # The link from the centre of a rectangle to one of its sides has twice the width and half the length of an
+        # edge, so that its conductance is four times as large.
         half1 = 4 * edge1
         half2 = 4 * edge2
-        between_rows = [half1[:1], _in_series(half1[:-1], half1[1:]), half1[-1:]]
-        centres = Stencil(
-            np.concatenate(between_rows), _in_series(half2, np.roll(half2, -1, axis=1))
-        )
+        centres_along = [half1[:1], _in_series(half1[:-1], half1[1:]), half1[-1:]]
+        centres_across = _in_series(half2, np.roll(half2, -1, axis=1))
+        centres = Stencil(np.concatenate(centres_along), centres_across)
         if self.columns == 1:  # the only rectangle of a row is not its own neighbour
             corners.across[:] = 0.0
             centres.across[:] = 0.0
@@ -138,7 +142,8 @@ class Rectangles:
         lower = 0.0
         if centre_flow.percolates:
             pressure = np.nan_to_num(centre_flow.potential)
-            # the energy of the potential exceeds the exact one by at most this fraction
+            # The energy of the computed potential is an upper bound of the conductance of the network of centres. The
+            # energy exceeds this conductance by at most the fraction `largest_error`.
             largest_error = energy_gap(centres, pressure, 1 - pressure)
             lower = max(0.0, centres.energy(pressure) * (1 - largest_error))
         return replace(
@@ -191,7 +196,7 @@ class Rectangles:
 
 
 def _in_series(first: Array, second: Array) -> Array:
-    """Compute the conductance of two links in series; 0 where one of them is closed."""
+    """Compute the conductance of two links in series; 0 where one of the links is closed."""
     smaller = np.minimum(first, second)
     larger = np.maximum(first, second)
     total = smaller + larger

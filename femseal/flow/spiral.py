@@ -204,7 +204,8 @@ def _links_of_full_turn(gap: Array, aspect: float, shift: int) -> list[_SeamLink
     aspect : ratio of the pixel lengths Δ1/Δ2.
     """
     n1, n2 = gap.shape
-    # gaps at both ends of each of the n1 + shift links, (end of link, link); inlet and outlet have no gap
+    # Gaps at the start and at the target of each of the n1 + shift links, (start or target, link). The first `shift`
+    # links start at the inlet, and the last `shift` links end at the outlet; inlet and outlet have no gap (NaN).
     no_gap = np.full(shift, np.nan)
     start_gap = np.concatenate([no_gap, gap[:, -1]])
     target_gap = np.concatenate([gap[:, 0], no_gap])
@@ -215,8 +216,9 @@ def _links_of_full_turn(gap: Array, aspect: float, shift: int) -> list[_SeamLink
     row = np.arange(1 - shift, n1 + 1)
     start = np.maximum(row, 0) * n2 + n2 - 1  # node in the last column
     target = np.minimum(row + shift, n1 + 1) * n2  # node in the first column
-    ends = zip(conductance.tolist(), start.tolist(), target.tolist(), strict=True)
-    return [_SeamLink(c, {a: 1.0, b: -1.0}) for c, a, b in ends]
+    links = zip(conductance.tolist(), start.tolist(), target.tolist(), strict=True)
+    # the potential drop over a link is φ(start) − φ(target)
+    return [_SeamLink(c, {a: 1.0, b: -1.0}) for c, a, b in links]
 
 
 def _links_of_partial_turn(
@@ -233,31 +235,30 @@ def _links_of_partial_turn(
     n2 = cut.along.shape[1]
     # Node (row, column) has the number row · n2 + column. Row 0 of the nodes is the inlet, so that row i of the pixels
     # is row i + 1 of the nodes.
-
-    # Grooves that begin at the inlet within the first lead are linked to the inlet (node 0).
-    links = [
-        _SeamLink(conductance[i - 1], {i * n2: weight, 0: -weight})
-        for i in range(1, min(shift, n1) + 1)
-    ]
-    # all other links, with the drop p(x1, L2) − p(x1, 0) + w (P − P₊)
+    links = []
+    # The rows of the first lead are also linked to the inlet (node 0), with the drop w (p(x1, 0) − p of the inlet).
+    for i in range(min(shift, n1)):
+        first_node = (i + 1) * n2  # in the first column
+        links.append(_SeamLink(conductance[i], {first_node: weight, 0: -weight}))
+    # the links over the seam, with the drop p(x1, L2) − p(x1, 0) + w (P − P₊)
     _, node_label = connected_components(cut.to_csr(), directed=False)
     label = node_label.reshape(n1 + 2, n2)[1:-1]
     for rows in _grooves(conductance, shift):
-        # w (P − P₊) as factors of the pressures of the pixels in the first column, and of the outlet
-        drop_to_next = np.zeros(n1 + 1)
+        # factors of w (P − P₊): for the pressures of the pixels in the first column, and for the outlet
+        next_factors = np.zeros(n1 + 1)
         connects_both_sides = label[rows[0], 0] == label[rows[0], -1]
         if connects_both_sides:
-            drop_to_next = weight * _drop_to_next_groove(rows, conductance, label, shift)
+            next_factors = weight * _drop_to_next_groove(rows, conductance, label, shift)
         for i in rows:
-            # − p(x1, 0) + w (P − P₊)
-            drop = drop_to_next.copy()
-            drop[i] -= 1.0
-            rows_with_factor = np.flatnonzero(drop)
+            # factors of − p(x1, 0) + w (P − P₊)
+            factors = next_factors.copy()
+            factors[i] -= 1.0
+            rows_with_factor = np.flatnonzero(factors)
             nodes = (rows_with_factor + 1) * n2  # in the first column
-            factors = dict(zip(nodes.tolist(), drop[rows_with_factor].tolist(), strict=True))
-            # p(x1, L2)
+            weights = dict(zip(nodes.tolist(), factors[rows_with_factor].tolist(), strict=True))
+            # p(x1, L2) has the factor 1
             last_node = (i + 1) * n2 + n2 - 1
-            links.append(_SeamLink(conductance[i], {last_node: 1.0} | factors))
+            links.append(_SeamLink(conductance[i], {last_node: 1.0} | weights))
     return links
 
 
@@ -267,7 +268,8 @@ def _grooves(conductance: Array, shift: int) -> list[Indices]:
     A group with more than `shift` rows, which is longer than the lead, is divided into several grooves.
     """
     open_rows = np.flatnonzero(conductance > 0)
-    groups = np.split(open_rows, np.flatnonzero(np.diff(open_rows) > 1) + 1)
+    is_gap_after = np.diff(open_rows) > 1  # whether closed rows follow an open row
+    groups = np.split(open_rows, np.flatnonzero(is_gap_after) + 1)
     grooves = []
     for group in groups:
         if group.size:
@@ -297,14 +299,16 @@ def _drop_to_next_groove(rows: Indices, conductance: Array, label: Indices, shif
     outlet.
     """
     n1 = conductance.size
-    drop = np.zeros(n1 + 1)
-    drop[rows] = conductance[rows] / conductance[rows].sum()
+    factors = np.zeros(n1 + 1)
+    # P: mean over the rows of the groove, weighted with the conductances
+    factors[rows] = conductance[rows] / conductance[rows].sum()
+    # P₊: pressure at the outlet, or mean over the rows of the next groove
     target = rows + shift
     if (target >= n1).mean() > 0.5:  # most of the groove ends at the outlet
-        drop[n1] = -1.0
-        return drop
+        factors[n1] = -1.0
+        return factors
     target = target[target < n1]
-    target = target[conductance[target] > 0]
+    target = target[conductance[target] > 0]  # rows with an open link over the seam
     if target.size == 0:
         return np.zeros(n1 + 1)
     component = label[target, 0]
@@ -314,8 +318,8 @@ def _drop_to_next_groove(rows: Indices, conductance: Array, label: Indices, shif
 
     widest = max(np.unique(component), key=total_conductance)
     next_rows = target[component == widest]
-    drop[next_rows] -= conductance[next_rows] / conductance[next_rows].sum()
-    return drop
+    factors[next_rows] -= conductance[next_rows] / conductance[next_rows].sum()
+    return factors
 
 
 def _solve_between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, Flags]:

@@ -126,7 +126,10 @@ def _solve_corrections(
     closed: Flags,
     solver: str,
 ) -> tuple[Array, float]:
-    """Solve for the periodic corrections of the pressure due to unit mean gradients along the two axes.
+    """Solve for the periodic corrections χ of the pressure due to unit mean gradients along the two axes.
+
+    The pressure drop over a link is the drop of the mean gradient plus χ(end) − χ(start). The corrections χ are chosen
+    so that the flows c · drop through the links at each node add up to 0.
 
     Parameters
     ----------
@@ -162,6 +165,7 @@ def _solve_corrections(
     error = np.inf
     previous = np.full((2, 2), np.nan)  # energies of the previous solution
     for rtol in _RTOLS:
+        # sum of the flows out of each node, for each axis of the mean gradient
         net_outflow = [
             np.bincount(start, flow, size) - np.bincount(end, flow, size) for flow in (c * drop).T
         ]
@@ -178,8 +182,10 @@ def _solve_corrections(
             tensor[closed, :] = 0.0
             tensor[:, closed] = 0.0
         largest = np.sqrt(np.outer(energy.diagonal(), energy.diagonal()))
-        # the flux has the relative error of the pressure, the energy only the square of it
-        deviation = np.fmin(np.abs(energy - mean_flux), np.abs(energy - previous))
+        # the mean flux has the relative error of the pressure, and the energy the square of this error
+        from_mean_flux = np.abs(energy - mean_flux)
+        from_previous = np.abs(energy - previous)
+        deviation = np.fmin(from_mean_flux, from_previous)
         error = float((deviation / np.where(largest > 0, largest, 1.0)).max())
         previous = energy
         if error <= MAX_IMBALANCE:

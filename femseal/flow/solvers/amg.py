@@ -75,7 +75,7 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
             "flow: the right-hand side is not 0 at a node without links; leave such nodes out",
             np.inf,
         )
-    # rows that have more entries than the diagonal; the others are solved by a division
+    # rows with entries beside the diagonal; all other rows are solved by a division
     linked = np.flatnonzero(np.diff(a.indptr) > (diagonal != 0))
     x = np.divide(rhs.T, diagonal, out=np.zeros(rhs.T.shape), where=diagonal != 0).T
     complement = 1 - x
@@ -96,9 +96,20 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
 
 
 class _System:
-    """A matrix with the hierarchy of its multigrid preconditioner."""
+    """A matrix with the hierarchy of its multigrid preconditioner.
+
+    Attributes
+    ----------
+    matrix : sparse matrix A (n, n).
+    levels : levels of pyamg, from the finest to the coarsest.
+    coarsest : factorisation of the matrix of the coarsest level.
+    rows : row number of each stored entry of A.
+    sums : array (n,), sum of each row of A.
+    rounding : array (n,), size of the rounding error of each row sum.
+    """
 
     def __init__(self, matrix: sp.csr_matrix) -> None:
+        """Build the multigrid levels of a matrix, and factorise the coarsest level."""
         from pyamg import ruge_stuben_solver
 
         self.matrix = matrix
@@ -149,9 +160,11 @@ class _System:
             fraction = fraction + correction
             iterations += needed
             if unit_drop:
+                # x = integer + fraction, with the nearest of 0 and 1 as the integer, so that the fraction is small
                 nearest = np.rint(np.clip(integer + fraction, 0, 1))
                 fraction += integer - nearest
                 integer = nearest
+            # residual b − A x
             r = (b - self._apply(sums, integer)) - self._apply(sums, fraction)
             x, remainder = two_sum(integer, fraction)
             complement = (1 - integer) - fraction

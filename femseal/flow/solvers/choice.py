@@ -136,9 +136,10 @@ def solve_prepared(
         potential = _POTENTIAL_WITHOUT_FLOW.take(links.reached)
         potential[0] = 1.0
         potential[-1] = 0.0
+        # without inner nodes, the potential is known everywhere, and its energy is the conductance
         conductance = stencil.energy(np.nan_to_num(potential)) if percolates else 0.0
         return DarcyFlow(conductance, potential, 1 - potential, percolates)
-    # the flags are stored in the memory of `reached`
+    # `reached` is not needed any more, so that its memory is used for the flags
     keep = np.equal(links.reached, BOTH_ENDS, out=links.reached.view(np.bool_))
     flow = _solve(stencil, keep, rtol, solver, field_rtol)
     return replace(flow, conductance=ldexp(flow.conductance, links.exponent))

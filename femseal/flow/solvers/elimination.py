@@ -94,7 +94,7 @@ def _list_links(order, along, across, φ):
         # columns on either side, if the row is a ring; otherwise the link over the seam has the conductance 0
         left = j - 1 if j > 0 else n2 - 1
         right = j + 1 if j < n2 - 1 else 0
-        # number of each neighbour, and conductance of the link to it; row i − 1 of `across` is in row i of the nodes
+        # number of each neighbour, and conductance of the link; row i − 1 of `across` lies in row i of the nodes
         neighbours = (
             (row_start + left, across[i - 1, left] if left < m2 else 0.0),
             (row_start + right, across[i - 1, j] if j < m2 else 0.0),
@@ -333,8 +333,8 @@ def _eliminate_front(front, fill_in, inverse):
             if fraction != 0.0:
                 for k in range(j + 1, p + q):
                     front[j, k] += fraction * front[i, k]
-    # Then the new links within the border, whose nodes have the indices p + j and p + k in `front`. They are BᵀDB with
-    # D = diag(inverse) and the links B from the front to the border.
+    # Then the new links within the border, whose nodes have the indices p + j and p + k in `front`. The matrix of the
+    # new links is BᵀDB, with D = diag(inverse) and the links B from the front to the border.
     if p * q * q > _BLAS:
         to_border = front[:, p:].copy()
         fill_in += np.dot((to_border * inverse.reshape(p, 1)).T, to_border)

@@ -128,6 +128,7 @@ def eliminate_coarsest(operator, ring):
             rest = centre[i + 1, j + 1]
             # links to the right, below, below right and below left: operator[1] to operator[4]
             for side in range(1, 5):
+                # row and column of the neighbour, relative to the node
                 down = (0, 1, 1, 1)[side - 1]
                 right = (1, 0, 1, -1)[side - 1]
                 link = operator[side]
@@ -246,10 +247,11 @@ def _weights_in_coarse_rows(first, end, w, operator, is_nine_point, ring):
     centre, right, below, below_right, below_left = operator
     n2 = centre.shape[1] - 2
     m2 = w.shape[1] - 2
-    # coarse row (i + 1) // 2 is the fine row i, which is odd
+    # fine row i, which is odd, contains the nodes of coarse row ci
     for i in range(2 * first - 1, 2 * end - 1, 2):
+        ci = (i + 1) // 2
         for j in range(1, m2 + 1):
-            w[(i + 1) // 2, j, 1, 1] = 1.0
+            w[ci, j, 1, 1] = 1.0
         # The value of a node between two coarse nodes follows from its links along the row. Diagonal links are added to
         # the links along the row, and links directly above and below are left out.
         for j in range(2, n2 + 1, 2):
@@ -258,29 +260,32 @@ def _weights_in_coarse_rows(first, end, w, operator, is_nine_point, ring):
             if is_nine_point:
                 west += below_right[i - 1, j - 1] + below_left[i, j]
                 east += below_left[i - 1, j + 1] + below_right[i, j]
+            # the diagonal entry less the links above and below also contains links to inlet and outlet
             total = max(centre[i, j] - below[i - 1, j] - below[i, j], west + east)
-            # the coarse columns on either side; beyond the last one of a ring comes the first one
+            # coarse columns on the left and on the right; in a ring, the first column follows the last column
             left = j // 2
             right_column = (j // 2) % m2 + 1 if j == n2 else j // 2 + 1
-            w[(i + 1) // 2, left, 1, 2] = _fraction(west, total)
-            w[(i + 1) // 2, right_column, 1, 0] = _fraction(east, total)
+            w[ci, left, 1, 2] = _fraction(west, total)
+            w[ci, right_column, 1, 0] = _fraction(east, total)
         if ring:
-            _wrap_weights(w, (i + 1) // 2, 1)
+            _wrap_weights(w, ci, 1)
 
 
 @by_rows(**REORDERED)
 def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
     """Compute the interpolation weights w in the fine rows between two rows with coarse nodes.
 
-    The weights depend on the results of `_weights_in_coarse_rows`, which must be called first. The two functions have
-    the same parameters.
+    The weights depend on the results of `_weights_in_coarse_rows`, which must be called first. The parameters are those
+    of `_weights_in_coarse_rows`.
     """
     centre, right, below, below_right, below_left = operator
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
     m2 = w.shape[1] - 2
-    # fine row i lies between the coarse rows i // 2 above it and i // 2 + 1 below it
+    # fine row i, which is even, lies between the coarse rows `top` and `bottom`
     for i in range(2 * first, min(2 * end, n1 + 1), 2):
+        top = i // 2
+        bottom = i // 2 + 1
         # Nodes directly between two coarse nodes, one above and one below. As in `_weights_in_coarse_rows`, diagonal
         # links are added to the links above and below, and links along the row are left out.
         for j in range(1, n2 + 1, 2):
@@ -290,16 +295,17 @@ def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
                 north += below_right[i - 1, j - 1] + below_left[i - 1, j + 1]
                 south += below_left[i, j] + below_right[i, j]
             total = max(centre[i, j] - right[i, j - 1] - right[i, j], north + south)
-            w[i // 2, (j + 1) // 2, 2, 1] = _fraction(north, total)
-            w[i // 2 + 1, (j + 1) // 2, 0, 1] = _fraction(south, total)
-        # Nodes in the middle of four coarse nodes (nw, ne, sw and se). The value of such a node is the mean of its
-        # neighbours, weighted with the conductances; each neighbour is interpolated from two of the coarse nodes with
-        # weights that have been computed before.
+            w[top, (j + 1) // 2, 2, 1] = _fraction(north, total)
+            w[bottom, (j + 1) // 2, 0, 1] = _fraction(south, total)
+        # Nodes in the middle of four coarse nodes (nw, ne, sw and se). The value of a node in the middle is the mean of
+        # its neighbours in the north, south, west and east, weighted with the conductances. Each of these neighbours is
+        # interpolated from two of the four coarse nodes, with weights that have been computed before. nw, ne, sw and se
+        # add up the contributions of each coarse node.
         for j in range(2, n2 + 1, 2):
             c = centre[i, j]
             if c <= 0.0:
                 continue
-            top, bottom, left = i // 2, i // 2 + 1, j // 2
+            left = j // 2
             right_column = (j // 2) % m2 + 1 if j == n2 else j // 2 + 1
             north = below[i - 1, j]
             south = below[i, j]
@@ -319,8 +325,8 @@ def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
             w[bottom, left, 0, 2] = _fraction(sw, c)
             w[bottom, right_column, 0, 0] = _fraction(se, c)
         if ring:
-            _wrap_weights(w, i // 2, 2)
-            _wrap_weights(w, i // 2 + 1, 0)
+            _wrap_weights(w, top, 2)
+            _wrap_weights(w, bottom, 0)
 
 
 @inner(**REORDERED)

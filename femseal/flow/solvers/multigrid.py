@@ -236,11 +236,13 @@ def _judge(iteration, state, history, share, settings):
     """
     rz, largest, unbalanced, rate = state
     rtol, field, limit = settings.rtol, settings.field, settings.limit
-    # without a bound, the estimate itself must be reliable
+    # The flow rate is equal to the energy, so that rᵀM⁻¹r / rate is an estimate of the squared relative error of φ. The
+    # estimate must be reliable if the error is not bounded afterwards.
     is_estimate = iteration < settings.bounded_from or field < np.inf
     if is_estimate:
         share = min(_STOPPING, share)
-    # largest accepted square of the relative error of φ
+    # largest accepted square of the relative error of φ, from the tolerance of the flow rate and from the tolerance of
+    # φ
     allowed = min(share * rtol, (0.1 * field) ** 2)
     history[0, iteration] = rz
     error = np.inf
@@ -255,7 +257,8 @@ def _judge(iteration, state, history, share, settings):
             return error, True, False
     is_hopeless = iteration == limit or not 0.0 < rz < np.inf
     if not is_hopeless and iteration >= _EXTRAPOLATED_FROM and rate > 0.0 and rz > allowed * rate:
-        # extrapolate the number of iterations, if each one reduces rᵀM⁻¹r by the same factor as on average so far
+        # Extrapolate the total number of iterations, assuming that each iteration reduces rᵀM⁻¹r by the mean factor of
+        # the iterations so far.
         initial = history[0, 0]
         needed_reduction = np.log(initial / (allowed * rate))
         is_hopeless = rz >= initial or iteration * needed_reduction / np.log(initial / rz) > limit
@@ -364,7 +367,10 @@ def _residual_or_sweep(first, end, r, level, after_first_sweep, ring):
 
 @by_rows(**REORDERED)
 def _restrict(first, end, b, r, w):
-    """Restrict the residual: compute b = Pᵀ r for some rows of the coarser grid."""
+    """Restrict the residual: compute b = Pᵀ r for some rows of the coarser grid.
+
+    The coarse node (ci, cj) collects the residuals r of the 3 × 3 fine nodes around it, with the weights w[ci, cj].
+    """
     for ci in range(first, end):
         i = 2 * ci - 1  # coarse node (ci, cj) is fine node (i, j)
         for cj in range(1, b.shape[1] - 1):
@@ -379,18 +385,26 @@ def _restrict(first, end, b, r, w):
 
 @by_rows(**REORDERED)
 def _prolong(first, end, x, coarse, w, ring):
-    """Add the interpolated correction to x: compute x += P coarse for some rows of the finer grid."""
+    """Add the interpolated correction to x: compute x += P coarse for some rows of the finer grid.
+
+    The coarse node (ci, cj) is the fine node (2 ci − 1, 2 cj − 1). The value of the coarse node times `w[ci, cj,
+    fine_row, fine_column]` is added to each of the 3 × 3 fine nodes around the coarse node, see `Level.weights`.
+    """
     for i in range(first, end):
-        # a fine row in a coarse row (odd i) has one contribution; a row between two coarse rows has one from each
-        for half in range(1 + (i + 1) % 2):
+        # An odd fine row i contains coarse nodes, of coarse row (i + 1) / 2. An even fine row i lies between the coarse
+        # rows i / 2 and i / 2 + 1, and gets a contribution from each of the two.
+        contributions = 1 + (i + 1) % 2
+        for half in range(contributions):
             ci = (i + 1) // 2 + half
-            # row of the weights of the coarse node: 1 in its own fine row, 2 in the row below it, 0 in the row above it
-            a = 1 if i % 2 else 2 - 2 * half
+            # fine row relative to the coarse row: 1 for the same row, 2 for the row below, 0 for the row above
+            fine_row = 1 if i % 2 else 2 - 2 * half
             for cj in range(1, coarse.shape[1] - 1):
                 j = 2 * cj - 1
                 v = coarse[ci, cj]
-                x[i, j] += v * w[ci, cj, a, 1]
-                x[i, j + 1] += v * w[ci, cj, a, 2] + coarse[ci, cj + 1] * w[ci, cj + 1, a, 0]
+                x[i, j] += v * w[ci, cj, fine_row, 1]
+                # the fine node between the coarse nodes cj and cj + 1; after the last cj, cj + 1 is in the border
+                next_v = coarse[ci, cj + 1]
+                x[i, j + 1] += v * w[ci, cj, fine_row, 2] + next_v * w[ci, cj + 1, fine_row, 0]
         if ring:
             wrap_row(x[i])
 
