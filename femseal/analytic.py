@@ -452,8 +452,8 @@ def critical_junction(
     If only the waves up to a wave number q are resolved, the surface has the apparent contact fraction A(q), which
     decreases with q. When A(q) falls below the percolation threshold, a first open path appears. The narrowest point of
     the first open path is the critical junction. In the parts of the surface that are in apparent contact at the
-    resolution q, the shorter waves (wave numbers q′ > q) keep the faces apart. The mean gap between the faces in the
-    parts in apparent contact is
+    resolution q, the shorter waves (wave numbers q′ > q) keep the faces apart. The mean gap between the faces, in the
+    parts of the surface in apparent contact, is
 
     u = √π ∫ q′²C w G(w p̄/AE*) dq′,
 
@@ -462,10 +462,10 @@ def critical_junction(
     γ = 0.45.
 
     The gap of the critical junction is set to 2u, but not to more than the mean gap. The factor 2 was determined from
-    the leakages of 100 surfaces: with this factor, the ratio of the leakage between parallel plates with the gap of the
-    junction to the leakage of the surface has the median 1. Persson's theory gives the gap d(Au)/dA instead of 2u. For
-    elastic solids, d(Au)/dA is 2u to 3u, but for solids that yield it may become arbitrarily large. A solid that yields
-    is replaced by a softer elastic solid with the same contact fraction.
+    100 surfaces. For the median surface, parallel plates with the gap of the critical junction leak as much as the
+    surface. Persson's theory gives the gap d(Au)/dA instead of 2u. For elastic solids, d(Au)/dA is 2u to 3u, but for
+    solids that yield it may become arbitrarily large. A solid that yields is replaced by a softer elastic solid with
+    the same contact fraction.
     Sources: Persson & Yang, J. Phys. Condens. Matter 20, 2008, 315011; Yang & Persson, ibid., 215214.
 
     Parameters

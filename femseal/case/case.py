@@ -320,7 +320,7 @@ class Case(Table):
                 raise InputError("load.map", "a map with seal.form", expected)
 
     def _check_stochastic_alone(self, name: str, given: str, reason: str) -> None:
-        """Raise an InputError if the case has a key that only the stochastic method can use, and other methods.
+        """Raise an InputError if a key that only the stochastic method can use is combined with other methods.
 
         Parameters
         ----------

@@ -203,8 +203,8 @@ class FaceFlow:
     Attributes
     ----------
     permeability : float
-        Permeability [m³], by which the drop of the viscous pressure potential over the length of the surface has to be
-        multiplied to get the mass flow rate per width.
+        Permeability k [m³]: the mass flow rate per width is k Δφ/L1, with the drop Δφ of the viscous pressure potential
+        over the length L1 of the surface.
     solvers : SolveCounts
         Numbers of systems by solver.
     potential : array, (n1, n2)

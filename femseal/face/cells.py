@@ -207,8 +207,8 @@ class Cut:
 def _distribute_columns(widths: Sequence[int], columns: int) -> list[int]:
     """Distribute columns of cells over patches in proportion to the widths of the patches.
 
-    Each patch gets a whole number of columns, and at least one. The numbers are rounded by the largest remainder
-    method.
+    Each patch gets a whole number of columns, and at least one. The numbers of columns are rounded by the largest
+    remainder method.
     """
     wanted = np.array(widths) * (columns / sum(widths))  # shares that are not whole numbers
     shares = np.maximum(wanted.astype(int), 1)

@@ -215,7 +215,7 @@ def cell_flow(
     ----------
     gap, spacing, axis, sides, solver, rtol, field_rtol : as in `cell_permeability`.
     core : range (first, last + 1) of the columns of the cell itself, without its overlaps into neighbouring cells;
-        columns are counted perpendicular to the flow. None if the cell has no overlaps. See `flow.core_flux`.
+        columns are counted perpendicular to the flow. `core` is None if the cell has no overlaps. See `flow.core_flux`.
 
     Returns
     -------
@@ -259,7 +259,7 @@ class _ScaledCell(NamedTuple):
 
 
 def _scaled(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> _ScaledCell:
-    """Check the gap and the spacing of a cell, and divide both by a scale."""
+    """Check the gap and the spacing of a cell, and scale the gap and the spacing."""
     h, spacing = validated_cell(gap, spacing, axis, sides)
     largest_gap = float(h.max()) or 1.0
     h /= largest_gap
@@ -284,8 +284,8 @@ def pixel_dissipation(
 
     Returns
     -------
-    Array (n1, n2), dissipation in each pixel for a unit potential drop, in m³ as the conductance. If `potential` is the
-    fluid pressure that `cell_permeability` returns, the sum of the array is the conductance k L2/L1.
+    Array (n1, n2), dissipation in each pixel for a unit potential drop, in the unit of the conductance (m³). If
+    `potential` is the fluid pressure that `cell_permeability` returns, the sum of the array is the conductance k L2/L1.
 
     Raises
     ------

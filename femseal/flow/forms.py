@@ -1,7 +1,7 @@
 """Define the weak form of thin-film and Darcy flow, ∇·(K ∇p) = 0, for scikit-fem.
 
-All flow operators, for cells and for seals, on grids and on meshes, are assembled from the bilinear forms in this
-module.
+All flow operators, for cells and for seals, on grids and on meshes, are assembled from the bilinear forms in
+`flow.forms`.
 The permeability K [m³] is a tensor (2, 2, …) at the quadrature points. In a thin film with the gap h, K is h³/12 times
 the unit tensor.
 """

@@ -254,10 +254,10 @@ class LinkWeights(NamedTuple):
 def link_weights(spacing: Pair) -> LinkWeights:
     """Compute the conductances of the links of a cell for K = 1.
 
-    `edge_conductances` gives the conductance of the edges of a square element. The conductance of an edge along x1 of a
-    rectangle d1 × d2 is d2/d1 times as large. Two elements share each edge, so that the conductance of a link is twice
-    the conductance of an edge. A link to the inlet or the outlet has half the length of a link between two pixels, and
-    therefore twice the conductance.
+    `edge_conductances` gives the conductance of the edges of a square element. An edge along x1 of a rectangle d1 × d2
+    has d2/d1 times the conductance of the edge of a square. Two elements share each edge, so that the conductance of a
+    link is twice the conductance of an edge. A link to the inlet or the outlet has half the length of a link between
+    two pixels, and therefore twice the conductance.
 
     spacing : lengths d1 and d2 of a pixel along x1 and x2.
     """
@@ -279,9 +279,9 @@ def gap_on_links(gap: Array, ring1: bool, ring2: bool) -> tuple[Array, Array]:
 
     Returns
     -------
-    Gaps on the links along the first axis, and gaps on the links along the second axis. With `ring1` or `ring2`, the
-    array for the axis has the shape (n1, n2). Without `ring1`, the first array has the shape (n1 + 1, n2), because it
-    includes the links to the inlet and the outlet. Without `ring2`, the second array has the shape (n1, n2 − 1).
+    Gaps on the links along the first axis, and gaps on the links along the second axis. Along a periodic axis, the
+    array has the shape (n1, n2). Without `ring1`, the first array has the shape (n1 + 1, n2), because it includes the
+    links to the inlet and the outlet. Without `ring2`, the second array has the shape (n1, n2 − 1).
     """
     n1, n2 = gap.shape
     on1 = np.empty((n1 if ring1 else n1 + 1, n2))

@@ -53,9 +53,9 @@ def flow_rate(inverse_knudsen: ArrayLike) -> Array:
     an error of at most 0.9 %. The minimum of Q near D = 1 is known as Knudsen's minimum. At D = 0.15 and D = 5, where
     the formulas of the fit change, Q jumps by 0.27 % and 0.14 %.
 
-    The fit ends at D = 0.01. For smaller D, the free-molecular limit between infinite plates is used: Q = (3(1 − γ)/2 −
-    ln D)/√π + c D ln²D, where γ is Euler's constant. The coefficient c makes Q continuous at D = 0.01. For D < 0.01, Q
-    is accurate within 0.3 %.
+    The fit of Q is limited to D >= 0.01. For smaller D, the free-molecular limit between infinite plates is used: Q =
+    (3(1 − γ)/2 − ln D)/√π + c D ln²D, where γ is Euler's constant. The coefficient c makes Q continuous at D = 0.01.
+    For D < 0.01, Q is accurate within 0.3 %.
 
     Parameters
     ----------

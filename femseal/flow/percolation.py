@@ -151,7 +151,7 @@ def _ends_of_label(parent, a):
 
     The path to the root is not shortened, so that several threads can read `parent` at the same time.
 
-    Returns 0 for neither, 1 for the inlet, 2 for the outlet, and 3 for both.
+    Returns 0 if the component is connected to neither, 1 for the inlet only, 2 for the outlet only, and 3 for both.
     """
     while parent[a] != a:
         a = parent[a]
@@ -217,7 +217,7 @@ class PreparedLinks(NamedTuple):
     """Links of a stencil in the form that the fast solvers require, see `prepare_links`.
 
     along, across : conductances divided by 2^exponent, in the shapes of `Stencil`. If inlet and outlet are connected,
-        the links of all nodes that are not connected to both are closed.
+        the links of all nodes that are not connected to both inlet and outlet are closed.
     reached : array (n1 + 1, n2), whether each node is connected to the inlet, to the outlet, to both or to neither, see
         `nodes_reached`.
     exponent : exponent of the power of two by which the conductances are divided.
@@ -237,8 +237,8 @@ class PreparedLinks(NamedTuple):
 def prepare_links(along: Array, across: Array) -> PreparedLinks:
     """Prepare the conductances of a stencil for `solve_prepared`; the two arrays are overwritten.
 
-    In a network that connects inlet and outlet, the links of all nodes that are not connected to both are closed. The
-    conductances are divided by a power of two near the largest conductance.
+    In a network that connects inlet and outlet, the links of all nodes that are not connected to both inlet and outlet
+    are closed. The conductances are divided by a power of two near the largest conductance.
     """
     parts = rows(*along.shape)
     reached = nodes_reached(along, across)

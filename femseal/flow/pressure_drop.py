@@ -247,7 +247,7 @@ class PressureDrop:
         """Compute the ratio of the flow between parallel plates with a given gap >= 0 [m] to the viscous flow.
 
         The ratio is ∫F dφ/Δφ, the mean of the factor F(h, p) over the viscous potential φ. The mean of F is finite even
-        if the outlet is a vacuum, where F itself is infinite. For an undefined gap, the ratio is NaN.
+        if the outlet is a vacuum, where F itself is infinite. For an undefined gap, the function returns NaN.
         """
         return replace(self, gap=max(gap, _LEAST_GAP)).mean_factor
 
@@ -270,7 +270,7 @@ class PressureDrop:
     def steepness(self, first: Array, second: Array) -> Array:
         """Compute Δψ/Δφ between two pressures, or dψ/dφ where the two pressures are equal.
 
-        first, second : the two pressures, described by their fractions of the drop of ψ.
+        first, second : first pressure and second pressure, each described by its fraction of the drop of ψ.
         """
         drop = first - second
         viscous_drop = self.viscous_fraction(first) - self.viscous_fraction(second)
@@ -283,8 +283,8 @@ class PressureDrop:
         """Compute the gap [m] whose permeability by the cubic law is (h³/12) F(h, p)/F(h₀, p).
 
         gap : array (n1, n2), gap h [m].
-        fraction : potential at the pixels, as a fraction of the drop of ψ. The pressure p is computed from this
-            fraction. NaN is replaced by 0.5.
+        fraction : potential at the pixels, as a fraction of the drop of ψ. The pressure p is computed from `fraction`.
+            NaN is replaced by 0.5.
         """
         p = self.pressure(np.nan_to_num(reals(fraction), nan=0.5))
         p = np.maximum(p, self.least_pressure)

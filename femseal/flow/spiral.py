@@ -4,8 +4,8 @@ After one turn around the seal, whose circumference is C, a groove has advanced 
 another groove of the face. If the face covers a full turn, the pressure p therefore satisfies
 p(x1, x2 + C) = p(x1 + lead, x2).
 
-A face may also cover only a part of a turn, L2 < C. The pressure drop along a groove of the face is then the fraction
-w = L2/C of the pressure drop along a full turn of the groove. The seam is the line between the last column of the face
+A face may also cover only a part of a turn, L2 < C. The pressure drop along a groove of the length L2 is the fraction w
+= L2/C of the pressure drop along a full turn of the groove. The seam is the line between the last column of the face
 and the first column. The pressure drop over a link of the seam is p(x1, L2) − p(x1, 0) + w (P − P₊). P is the mean of
 the pressure p(x1, 0) over the rows x1 of a groove. P₊ is the mean of the pressure p(x1, 0) over the rows of the next
 groove, which lies one lead further along x1. With this pressure drop over the seam, the matrix remains symmetric. The
@@ -282,9 +282,9 @@ def _drop_to_next_groove(rows: Indices, conductance: Array, label: Indices, shif
     """Compute the factors f_i of the pressure drop P − P₊ = Σ f_i p_i from a groove to the next groove.
 
     P and P₊ are means over all rows of a groove, because fluid would circulate between the rows if each row had its own
-    pressure drop. The next groove lies one lead further along x1. If rows of several connected components are open at
-    this position, the component with the largest conductance is the next groove. If no row is open at this position,
-    the groove does not continue, and all factors are 0.
+    pressure drop. The next groove lies one lead further along x1. If the rows with an open link over the seam belong to
+    several connected components, the component with the largest conductance is the next groove. If all links over the
+    seam are closed one lead further along x1, the groove does not continue, and all factors are 0.
 
     Parameters
     ----------
@@ -332,7 +332,7 @@ def _solve_between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, Flags]:
     Returns
     -------
     Potential of each node, and flags of the nodes that are connected to both inlet and outlet. If no node is connected
-    to both, nothing flows.
+    to both inlet and outlet, nothing flows.
     """
     nodes = matrix.shape[0]
     _, label = connected_components(matrix, directed=False)

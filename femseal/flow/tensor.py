@@ -251,7 +251,7 @@ def _crossings_from_roots(links: _PeriodicLinks, roots: Indices, n: int) -> Indi
     Returns
     -------
     Array (n + 1, 2), number of crossings of the periodic boundary of each axis. A crossing in the negative direction
-    counts as −1. Row n belongs to an additional node, which is linked to all roots.
+    counts as −1. Row n of the array belongs to an additional node, which is linked to all roots.
     """
     # an additional node n is linked to the roots, so that a single search finds the trees of all components
     i = np.concatenate([links.start, np.full(roots.size, n)])

@@ -42,7 +42,7 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
     """Solve A x = b by conjugate gradients, preconditioned by algebraic multigrid.
 
     With the residual r and the preconditioner M, the squared error in the energy norm is estimated as rᵀM⁻¹r. The
-    iteration stops when this estimate is below (rtol/10)² times the energy. For a flow with a unit potential drop, the
+    iteration stops when rᵀM⁻¹r is below (rtol/10)² times the energy. For a flow with a unit potential drop, the
     difference between inflow and outflow, Σr, must also be small enough: below 1e-6 or 0.003 rtol times the flow,
     whichever is larger. After the iteration, the residual is computed again from x itself, and both stopping conditions
     are checked again. The residual is computed from differences of x, so that large entries of A do not hide small

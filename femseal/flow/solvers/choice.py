@@ -80,11 +80,11 @@ def solve_flow(
         conductances differ by a factor of 1e150. "auto" chooses multigrid for large networks with smooth conductances;
         it chooses elimination for other networks, and if multigrid fails. `DarcyFlow.solver` names the solver that was
         used.
-        If one side of a pixel is more than 3.5 times as long as the other side, multigrid is slow and may miss a part
-        of the error. Networks with such elongated pixels are solved by elimination if they have up to 5 million open
-        nodes. If a network with elongated pixels has more open nodes, the error of multigrid is bounded rigorously.
-        Nodes that are connected to the inlet and the outlet only by paths with very narrow links (less than 1e-8 of the
-        largest conductance) are solved by elimination after multigrid.
+        For elongated pixels, with one side more than 3.5 times as long as the other side, multigrid is slow and may
+        miss a part of the error. Networks with elongated pixels are solved by elimination if they have up to 5 million
+        open nodes. If a network with elongated pixels has more open nodes, the error of multigrid is bounded
+        rigorously. Nodes that are connected to the inlet and the outlet only by paths with very narrow links (less than
+        1e-8 of the largest conductance) are solved by elimination after multigrid.
     field_rtol : largest relative error of the potential in the energy norm; None if only the conductance is needed. The
         relative error of the conductance is the square of the relative error of the potential. If `field_rtol` is None,
         an iterative solver therefore leaves an error of about √rtol in the potential.
@@ -97,8 +97,9 @@ def solve_flow(
     ------
     InputError : the solver is unknown, or a tolerance is not valid.
     NotConverged : the solver failed, or the relative difference between inflow and outflow is larger than 1e-5. After
-        multigrid, a difference of 10 √rtol is accepted, or of 10 field_rtol if `field_rtol` is given. "multigrid" also
-        fails if links with less than 1e-13 of the largest conductance might carry more than `rtol` of the flow.
+        multigrid, a relative difference of 10 √rtol between inflow and outflow is accepted, or of 10 field_rtol if
+        `field_rtol` is given. "multigrid" also fails if links with less than 1e-13 of the largest conductance might
+        carry more than `rtol` of the flow.
     """
     check_solver(solver, ("auto", *FAST_SOLVERS))
     validate.tolerance("rtol", rtol)
@@ -210,7 +211,7 @@ def _pixel_ratio(stencil: Stencil) -> float:
 
     The conductance of a link along x1 is proportional to Δ2/Δ1, and the conductance of a link along x2 to Δ1/Δ2. If the
     gap is isotropic, the geometric means of the conductances along x1 and along x2 therefore have the ratio (Δ2/Δ1)².
-    Only some rows of links are evaluated.
+    The means are computed from a sample of the rows of links.
     """
     step = max(1, len(stencil.along) // _SAMPLED_ROWS)
     means = []

@@ -2,9 +2,9 @@
 
 If the permeabilities differ by a factor of 10^n, a factorisation loses about n digits: small conductances between
 regions of large conductance are lost in the sums on the diagonal. For a flow between boundaries with prescribed
-potentials, conjugate gradients correct this error of the solution. The residuals are computed from differences of the
-potential. The potential is stored as a rounded value plus a remainder, which doubles its number of digits. Tests
-compare with closed forms and with eliminations in 60 digits, for permeabilities that differ by up to 1e20.
+potentials, conjugate gradients correct the solution. The residuals are computed from differences of the potential. The
+potential is stored as a rounded value plus a remainder, which doubles its number of digits. Tests compare with closed
+forms and with eliminations in 60 digits, for permeabilities that differ by up to 1e20.
 
 Sources: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., SIAM 2002, ch. 12 (iterative refinement);
 Knuth, The Art of Computer Programming 2, 3rd ed., 1997, sec. 4.2.2 (exact sums).

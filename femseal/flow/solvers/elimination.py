@@ -124,10 +124,10 @@ def _list_links(order, along, across, φ):
 def _nested_dissection(unknown, ring):
     """Order the nodes of a grid by nested dissection.
 
-    Each box of the grid is divided into two halves by a row or column near its middle. Of these rows and columns, the
-    one with the fewest nodes is chosen; its nodes form a front. The two halves are only connected through the front,
-    which is eliminated after all nodes of the two halves. The links that the elimination of a front creates are added
-    to the parent of the front, which is the front of the next larger box.
+    Each box of the grid is divided into two halves by the row or column near its middle that has the fewest nodes. The
+    nodes of this row or column form a front. The two halves are only connected through the front, which is eliminated
+    after all nodes of the two halves. The links that the elimination of a front creates are added to the parent of the
+    front, which is the front of the next larger box.
 
     Returns
     -------
@@ -231,7 +231,7 @@ def _eliminate_fronts(first, parent, later, conductance):
     border. The array `fill_in` (q, q) contains the links within the border that are created by the elimination of the
     front. The new links in `fill_in` are added to the parent of the front.
 
-    first, parent : fronts, see `_nested_dissection`.
+    first, parent : first node and parent of each front, see `_nested_dissection`.
     later, conductance : links of each node, see `_list_links`.
 
     Returns the conductance between inlet and outlet, and the two potentials of `_potentials`.
@@ -312,7 +312,7 @@ def _eliminate_fronts(first, parent, later, conductance):
 
 @inner(**_fast)
 def _eliminate_front(front, fill_in, inverse):
-    """Eliminate the nodes of a front, and add the links that this creates within the border to `fill_in`.
+    """Eliminate the nodes of a front, and add the new links between nodes of the border to `fill_in`.
 
     Each link is stored only once, in the row of the node that is eliminated first. The arrays `front` and `fill_in` are
     therefore upper triangular.

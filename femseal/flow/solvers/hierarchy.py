@@ -19,8 +19,8 @@ conductances. Coarse operators are Galerkin products PᵀAP with this interpolat
 1982, 366.
 
 The nodes of the coarsest level are eliminated one after another, row by row, without subtractions, as in `elimination`.
-The inlet and the outlet are a single node with the potential 0. The links are stored in a band, so that the nodes need
-no further ordering. If the coarsest level is small, its elimination takes only a small part of the solution time.
+The inlet and the outlet are a single node with the potential 0. The links are stored as a band matrix, for which the
+nodes need no further ordering. The elimination of a small coarsest level takes only a small part of the solution time.
 """
 
 from __future__ import annotations
