@@ -32,8 +32,8 @@ class LogCurve:
 
     def __init__(self, x: Array, k: Array) -> None:
         """Interpolate values k (n,) at increasing x (n,) up to the first point at which k is 0."""
-        # The appended False is a closed point behind all others. argmin returns the index of the first closed point,
-        # which is the number of open points before it.
+        # False is appended as a closed point after the last point. argmin returns the index of the first closed point,
+        # which is the number of open points before the first closed point.
         n_open = int(np.argmin(np.append(k > 0, False)))
         if n_open == 0:
             self.end = -np.inf
@@ -56,10 +56,10 @@ class LogCurve:
             return np.full(x.shape, -np.inf)
         if self._inner is None:  # a single open point
             return np.where(x <= self.end, self._log_k[0], -np.inf)
-        # slope between the last two open points; beyond them the permeability must not rise
+        # slope between the last two open points; after the last open point the permeability must not rise
         last_slope = float(np.diff(self._log_k[-2:])[0] / np.diff(self._x[-2:])[0])
         slope = min(0.0, last_slope)
-        # distance from the last open point; a cell that is open at all points stays as open as at the last one
+        # distance from the last open point; a cell that is open at all points stays as open as at the last point
         beyond = np.maximum(x - self._x[-1], 0.0) if np.isfinite(self.end) else 0.0
         value = self._inner(np.clip(x, self._x[0], self._x[-1])) + slope * beyond
         return np.where(x <= self.end, value, -np.inf)
@@ -243,8 +243,8 @@ def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
     """
     highest = paths.copy()
     for branch in steps.branches:
-        # indices of the steps of the branch in their order; an unloading is preceded by the step at its peak, whose
-        # value already contains the history of the loading
+        # Indices of the steps of the branch, in their order. An unloading is preceded by the loading step at the peak
+        # load, whose value in `highest` already contains the history of the loading.
         history = np.union1d(branch, steps.peak_indices[branch])
         highest[history] = np.maximum.accumulate(highest[history], axis=0)
     return highest

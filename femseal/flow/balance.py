@@ -122,7 +122,8 @@ def _widest_first(exponent):
 
     A counting sort by exponents takes a tenth of the time that a sort by conductances takes.
     """
-    # next position in the sorted list for the links of each exponent; slot 0 is the largest exponent
+    # Slot 0 belongs to the largest exponent. At first, position[slot + 1] is the number of links in a slot. After the
+    # cumulative sum, position[slot] is the position in the sorted list for the next link of a slot.
     position = np.zeros(_EXPONENTS + 1, np.int64)
     for e in exponent:
         if e != _CLOSED:

@@ -346,7 +346,8 @@ class MeshOperators:
         mesh = self.mesh
         connected = connected_elements(mesh, tensor, self.ends, through_corners=of_vertices)
         carrying = connected.carrying
-        # facets of inlet and outlet through which fluid flows; none at a boundary that is not connected to another one
+        # facets of inlet and outlet through which fluid flows; no facets at a boundary without a connection to the
+        # other
         inlet, outlet = (
             open_facets(mesh, facets, carrying) if joined else facets[:0]
             for facets, joined in zip(self.ends, connected.is_joined, strict=True)

@@ -339,7 +339,7 @@ def _eliminate_front(front, fill_in, inverse):
         to_border = front[:, p:].copy()
         fill_in += np.dot((to_border * inverse.reshape(p, 1)).T, to_border)
         return
-    # two nodes, i and i2, at a time, which is faster; if p is odd, the last node has no second one
+    # two nodes, i and i2, at a time, which is faster; if p is odd, the last node is alone, with inverse2 = 0
     for i in range(0, p, 2):
         i2 = min(i + 1, p - 1)
         inverse2 = inverse[i2] if i + 1 < p else 0.0
