@@ -462,10 +462,10 @@ def critical_junction(
     γ = 0.45.
 
     The gap of the critical junction is set to 2u, but not to more than the mean gap. The factor 2 was determined from
-    100 surfaces. For the median surface, parallel plates with the gap of the critical junction leak as much as the
-    surface. Persson's theory gives the gap d(Au)/dA instead of 2u. For elastic solids, d(Au)/dA is 2u to 3u, but for
-    solids that yield it may become arbitrarily large. A solid that yields is replaced by a softer elastic solid with
-    the same contact fraction.
+    simulations of 100 surfaces. For the median surface, parallel plates with the gap of the critical junction leak as
+    much as the surface. Persson's theory gives the gap d(Au)/dA instead of 2u. For elastic solids, d(Au)/dA is 2u to
+    3u, but for solids that yield it may become arbitrarily large. A solid that yields is replaced by a softer elastic
+    solid with the same contact fraction.
     Sources: Persson & Yang, J. Phys. Condens. Matter 20, 2008, 315011; Yang & Persson, ibid., 215214.
 
     Parameters

@@ -345,7 +345,7 @@ class Case(Table):
             raise InputError(name, f"'{shortened(path)}'", expected)
 
     def files(self) -> Iterator[tuple[str, Path]]:
-        """Yield the key and the path of every file that the case names; paths are relative to the case."""
+        """Yield the key and the path of each file in the case; paths are relative to the folder of the case."""
         for face in self.face:
             if not isinstance(face, FileFace):
                 continue

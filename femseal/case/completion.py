@@ -181,8 +181,8 @@ def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
     """Convert the pressures of the fluid and the test fluid to absolute pressures, and add properties of named fluids.
 
     Gauge pressures are relative to the `ambient_pressure` in [fluid]. If the table of the test fluid has a key
-    `ambient_pressure`, the value of this key is used for the test fluid. If a table has gauge pressures or an ambient
-    pressure, its default outlet pressure is the ambient pressure.
+    `ambient_pressure`, the value of this key is used for the test fluid. If the table of a fluid contains gauge
+    pressures or an ambient pressure, the default outlet pressure of the fluid is the ambient pressure.
     """
     data = dict(data)
     fluid = data.get("fluid")

@@ -1,4 +1,4 @@
-"""Define the tables [fluid], [seal] with its forms, and [seat] of a case.
+"""Define the tables [fluid], [seal], [seal.form] and [seat] of a case.
 
 The tables [fluid], [seal], [seal.form] and [seat] are derived from registered classes. For every class in
 `fluids.FLUIDS`, `seal.layouts.LAYOUTS`, `seal.form.FORMS` and `topography.seat.SEATS` there is a table with a key for
@@ -125,7 +125,7 @@ else:
 
 
 class SealTable(ParameterTable):
-    """The shape of the seal, with a key for each of its parameters, and the form of its faces."""
+    """The shape of the seal, with a key for each parameter of the shape, and the form deviation of the seal faces."""
 
     if TYPE_CHECKING:
         lay: Any
@@ -196,7 +196,7 @@ _KEYS_OF_MESHES: dict[str, Any] = {"inlet": Boundaries, "outlet": Boundaries}
 
 
 def _keys_of_seal(layout: Any) -> dict[str, Any]:
-    """Return the types of keys that are more specific than the types of the parameters of this layout."""
+    """Return the types of keys that are more specific than the types of the corresponding parameters of a layout."""
     return _KEYS_OF_SEALS | (_KEYS_OF_MESHES if layout is MeshLayout else {})
 
 
@@ -209,7 +209,7 @@ def _strip_by_default(value: Any) -> Any:
 
 
 class SeatTable(ParameterTable):
-    """The form of the seat, with a key for each of its parameters."""
+    """The shape of the seat, with a key for each parameter of the shape."""
 
     makers = SEATS
     tolerance: float = key(

@@ -55,20 +55,20 @@ def _pair(name: str, value: Any) -> str:
 
 
 def keys_of(table: type[Table]) -> dict[str, FieldInfo]:
-    """Return the keys of a table by their names, with `kind` as the first one."""
+    """Return the keys of a table by their names, with the key `kind` in the first place."""
     keys = {name: field for name, field in table.model_fields.items() if name not in INTERNAL}
     kind = {"kind": keys.pop("kind")} if "kind" in keys else {}
     return kind | keys
 
 
 def declared(field: FieldInfo, argument: str) -> Any:
-    """Return an argument from the declaration of a key by `table_types.key`; None if it was not given."""
+    """Return an argument with which `table_types.key` declared a key; None if the declaration lacks the argument."""
     extra = field.json_schema_extra
     return extra.get(argument) if isinstance(extra, dict) else None
 
 
 def example(field: FieldInfo) -> Any:
-    """Return an example value of a key, as it is written in TOML, "" if none is known."""
+    """Return an example value of a key, as written in TOML; "" if no example is known."""
     if field.examples:
         return field.examples[0]
     quantity = quantity_of(field)

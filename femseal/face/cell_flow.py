@@ -47,7 +47,7 @@ class Failed:
 
 
 def attempt(solve: Callable[..., Result], *arguments: Any, **options: Any) -> Result | Failed:
-    """Call `solve` with the arguments; return its result, or `Failed` if it raises a `FemsealError`."""
+    """Call `solve` with the arguments; return the result, or `Failed` if `solve` raises a `FemsealError`."""
     try:
         return solve(*arguments, **options)
     except FemsealError as error:
@@ -236,7 +236,7 @@ def solve_surface_flow(
     settings : FlowSettings
         Fluid, solver and spiral.
     sides : "periodic" or "mirror"
-        "periodic" if the surface is periodic along x2, "mirror" if there is no flow across its sides.
+        "periodic" if the surface is periodic along x2, "mirror" if no fluid flows across the sides of the surface.
 
     Raises
     ------

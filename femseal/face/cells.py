@@ -240,7 +240,7 @@ def _points_with_overlaps(
     points : array of int
         Indices of the points on the surface.
     core : tuple of two int
-        Index in `points` of the first point of the cell itself, and index after its last point.
+        Index in `points` of the first point of the cell itself, and index after the last point of the cell.
     """
     first, end = patch
     size = end - first
@@ -288,7 +288,7 @@ class CellState:
     surface_k1 : float
         Permeability of the whole surface along x1 [m³].
     surface_k2 : float
-        Permeability of the whole surface along x2, the mean over its patches [m³]; NaN if it was not computed.
+        Permeability of the whole surface along x2 [m³], averaged over the measured patches; NaN if it was not computed.
     patches : array, (patches,), or None
         Permeability of each patch along x1 [m³].
     flow_failure : str
@@ -376,7 +376,7 @@ class CellState:
 def correction_factors(
     surface: Array, cells: Array, steps: LoadProgramme, largest: float = MOST_FACTOR
 ) -> Array:
-    """Compute the correction factor of each state for one axis.
+    """Compute the correction factor of each contact state for one axis.
 
     The correction factor is the leakage of the whole surface divided by the leakage of its cells in their original
     order. If the surface or its cells are sealed in a state, or if a leakage is unknown, the state has no factor. A

@@ -280,7 +280,7 @@ def pixel_dissipation(
     spacing : lengths (Δ1, Δ2) of a pixel [m].
     potential : array (n1, n2), potential at the pixels for a potential of 1 at the inlet and 0 at the outlet; NaN at
         pixels without flow.
-    seam : whether fluid flows through the links from the last column to the first one.
+    seam : whether fluid flows through the links from the last column to the first column.
 
     Returns
     -------
@@ -306,9 +306,9 @@ def pixel_dissipation(
 def harmonic_fill(values: Array) -> Array:
     """Fill the undefined (NaN) values of a map by solving Laplace's equation with the defined values prescribed.
 
-    The map (n1, n2) is periodic along x2 and has zero normal derivatives at its ends along x1. A map without any
-    defined value is returned unchanged. Laplace's equation is discretised by a five-point stencil, and solved in single
-    precision by conjugate gradients. The preconditioner is one multigrid cycle.
+    The map (n1, n2) is periodic along x2 and has zero normal derivatives at the first row and at the last row. A map
+    without any defined value is returned unchanged. Laplace's equation is discretised by a five-point stencil, and
+    solved in single precision by conjugate gradients. The preconditioner is one multigrid cycle.
     """
     unknown = np.isnan(values)
     if unknown.all() or not unknown.any():

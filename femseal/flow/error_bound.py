@@ -114,7 +114,7 @@ def _runs(along, across):
     -------
     run : array (n1 − 1, n2), number of the run to which each inner node belongs. Runs are numbered from 1; closed nodes
         have the number 0.
-    first : array, first node of each run. Inner nodes are numbered row by row.
+    first : array, number of the first node of each run. Inner nodes are numbered row by row.
     size : number of runs plus 1, because run 0 represents the inlet and the outlet.
     """
     n1, n2 = along.shape[0] - 1, along.shape[1]
@@ -235,7 +235,7 @@ def _send_excess(along, across, run, first, link, excess, number):
 
     Returns the energy Σ q²/c of the fluxes q in the links, which have the conductances c.
 
-    first : first node of the run.
+    first : number of the first node of the run.
     link : number of the link to the parent, counted as in `_joints`.
     number : number of the run.
     """

@@ -227,7 +227,7 @@ def law_of(fluid: Any) -> FlowLaw:
 def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
     """Compute the equivalent gap [m] of a gap (n1, n2) [m] for a flow law, after a check of the law and the pressure.
 
-    pressure : fluid pressure [Pa], a number or an array (n1, n2); only used by laws that depend on it.
+    pressure : fluid pressure [Pa], a number or an array (n1, n2); only used if the flow law depends on the pressure.
 
     Raises
     ------

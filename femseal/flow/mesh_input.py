@@ -1,4 +1,4 @@
-"""Check the permeability and the ends of a mesh, and find the elements that carry flow between its ends."""
+"""Check the permeability, the inlet and the outlet of a mesh, and find the elements that can carry flow."""
 
 from __future__ import annotations
 
@@ -78,7 +78,8 @@ def ends_of(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, I
 
     Raises
     ------
-    InputError : an end has no facets or facets inside the mesh, or inlet and outlet have a vertex in common.
+    InputError : the inlet or the outlet has no facets, or facets inside the mesh; or inlet and outlet have a vertex in
+        common.
     """
     ends = _facets(mesh, inlet, "inlet"), _facets(mesh, outlet, "outlet")
     if np.intersect1d(mesh.facets[:, ends[0]], mesh.facets[:, ends[1]]).size:
@@ -99,7 +100,7 @@ def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
 
 
 def invertible(tensor: Array) -> Array:
-    """Make tensors (n, 2, 2) invertible if they are closed along one principal axis.
+    """Make tensors (n, 2, 2) invertible if one of their two principal values is about 0.
 
     If the smaller principal value of a tensor is about 0, it is replaced by `CLOSED_AXIS` times the larger principal
     value.
@@ -145,9 +146,9 @@ def connected_elements(
 ) -> Connected:
     """Find the elements that are connected to each of the boundaries in `ends`.
 
-    Two elements are connected if they share a facet across which both can carry flow, that is, n·Kn > 0 for the normal
-    n of the facet. With `through_corners`, two elements that are open in all directions are also connected if they
-    share only a vertex.
+    Two elements are connected if they share a facet, and each of the two elements can carry flow across the facet, that
+    is, n·Kn > 0 for the normal n of the facet. With `through_corners`, two elements that are open in all directions are
+    also connected if they share only a vertex.
     """
     # The nodes of the graph are elements, facets, vertices and boundaries, numbered in this order.
     first_facet = mesh.nelements

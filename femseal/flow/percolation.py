@@ -151,7 +151,8 @@ def _ends_of_label(parent, a):
 
     The path to the root is not shortened, so that several threads can read `parent` at the same time.
 
-    Returns 0 if the component is connected to neither, 1 for the inlet only, 2 for the outlet only, and 3 for both.
+    Returns 0 if the component is connected neither to the inlet nor to the outlet, 1 for the inlet only, 2 for the
+    outlet only, and 3 for both.
     """
     while parent[a] != a:
         a = parent[a]
@@ -235,7 +236,7 @@ class PreparedLinks(NamedTuple):
 
 
 def prepare_links(along: Array, across: Array) -> PreparedLinks:
-    """Prepare the conductances of a stencil for `solve_prepared`; the two arrays are overwritten.
+    """Prepare the conductances of a stencil for `solve_prepared`; the arrays `along` and `across` are overwritten.
 
     In a network that connects inlet and outlet, the links of all nodes that are not connected to both inlet and outlet
     are closed. The conductances are divided by a power of two near the largest conductance.

@@ -35,7 +35,7 @@ _LEAST_GAP = 1e-12
 
 
 class FlowingFluid(Protocol):
-    """Properties of a fluid that determine its flow through gaps.
+    """Properties of a fluid that determine the flow of the fluid through gaps.
 
     The flow depends on the pressure potential and on the flow law of the fluid. A fluid without the attribute `law`
     follows the cubic law.

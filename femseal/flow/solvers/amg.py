@@ -50,7 +50,8 @@ def solve_amg(matrix: Any, rhs: Array, *, rtol: float, unit_drop: bool = False) 
 
     Parameters
     ----------
-    matrix : sparse matrix A (n, n), symmetric and positive semidefinite. A row may be zero if its entry of b is 0, too.
+    matrix : sparse matrix A (n, n), symmetric and positive semidefinite. A row of A may be zero if the entry of b in
+        this row is 0.
     rhs : right-hand sides b, array (n,) or (n, m).
     rtol : largest relative error of x in the energy norm. The relative error of the energy, and of the flow for a unit
         potential drop, is at most rtol².

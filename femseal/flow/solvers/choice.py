@@ -211,7 +211,7 @@ def _pixel_ratio(stencil: Stencil) -> float:
 
     The conductance of a link along x1 is proportional to Δ2/Δ1, and the conductance of a link along x2 to Δ1/Δ2. If the
     gap is isotropic, the geometric means of the conductances along x1 and along x2 therefore have the ratio (Δ2/Δ1)².
-    The means are computed from a sample of the rows of links.
+    The geometric means are computed from a sample of the rows of links.
     """
     step = max(1, len(stencil.along) // _SAMPLED_ROWS)
     means = []

@@ -15,8 +15,8 @@ is stored as the array `centre` with its diagonal entries, and as arrays of cond
 
 The operator of the finest level has no diagonal links (five points). Coarse node (I, J) is fine node (2I − 1, 2J − 1).
 The values at all other fine nodes are interpolated from the coarse nodes, with weights that follow from the
-conductances. Coarse operators are Galerkin products PᵀAP with this interpolation P. Source: Dendy, J. Comput. Phys. 48,
-1982, 366.
+conductances. Coarse operators are Galerkin products PᵀAP with the interpolation P from coarse to fine nodes. Source:
+Dendy, J. Comput. Phys. 48, 1982, 366.
 
 The nodes of the coarsest level are eliminated one after another, row by row, without subtractions, as in `elimination`.
 The inlet and the outlet are a single node with the potential 0. The links are stored as a band matrix, for which the

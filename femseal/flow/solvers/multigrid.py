@@ -447,7 +447,7 @@ def _update_direction(first, end, p, z, scale, beta):
 
 @by_rows(**REORDERED)
 def _sum_curvature(first, end, p, network, sums):
-    """Compute the contributions of some rows to p·A p, and store them in the first row of `sums`."""
+    """Compute p·A p for some rows, and store the result for each row in `sums[0]`."""
     n2 = p.shape[1] - 2
     y = np.empty(n2 + 2)
     flow_to_right = np.empty(n2 + 1)
