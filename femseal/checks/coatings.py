@@ -140,13 +140,14 @@ def _soft_layer(scene: Scene) -> tuple[float, float]:
     if isinstance(scene.modulus, float) or not isfinite(hardness):
         return thickness, hardness_of_neighbour
     for body in scene.modulus:
-        solid = body
-        if isinstance(body, Coated):
-            solid = body.layer
-            if _hardness(body.layer) <= hardness * (1 + _ROUNDING):
-                thickness += body.thickness
-                solid = body.substrate
-        hardness_of_neighbour = min(hardness_of_neighbour, _hardness(solid))
+        if not isinstance(body, Coated):
+            neighbour = body
+        elif _hardness(body.layer) <= hardness * (1 + _ROUNDING):
+            thickness += body.thickness
+            neighbour = body.substrate
+        else:
+            neighbour = body.layer
+        hardness_of_neighbour = min(hardness_of_neighbour, _hardness(neighbour))
     return thickness, hardness_of_neighbour
 
 
