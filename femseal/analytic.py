@@ -344,7 +344,7 @@ def turned_annulus_rate(
     Parameters
     ----------
     along, across : float
-        Permeabilities along the groove k∥ and across it k⊥ [m³].
+        Permeability k∥ along the groove, and permeability k⊥ across the groove [m³].
     lead : float
         Radial distance between successive turns of the same groove [m].
     pressure_drop, viscosity, inner_radius, outer_radius : float

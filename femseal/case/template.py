@@ -87,7 +87,7 @@ def choices(field: FieldInfo) -> list[Any]:
 
 
 def quantity_of(field: FieldInfo) -> Quantity | None:
-    """Return the quantity that describes the values of a key: their unit, their limits and an example.
+    """Return the quantity that describes the values of a key: the unit, the limits and an example of a value.
 
     The function returns None if the type of the key has no quantity, or several quantities with different units.
     """

@@ -184,8 +184,8 @@ class CellCurves:
 
         knot : array (n,), number of the knot on whose curve each point lies.
         relative : array (n,), pressure of each point as a fraction of the reopening pressure of the curve. For the
-            loading curve, the pressure is given as a fraction of the peak or of the closing pressure, whichever is
-            lower.
+            loading curve, the pressure is given as a fraction of the peak pressure or of the closing pressure of the
+            cell, whichever is lower.
         peak : array (n,), peak pressure from which the cell is unloaded at each point [Pa].
         """
         # the loading curve is a function of the cube root of the pressure, and ends at the root of the closing pressure

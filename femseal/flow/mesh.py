@@ -405,7 +405,7 @@ class MeshOperators:
         """Compute the resistance matrix of each element, for unit fluxes out of the element through its facets.
 
         In scikit-fem, the basis function of a facet is a flux from the first element of the facet to the second
-        element. In the second element, the sign of the basis function is therefore changed.
+        element. The sign of the basis function is therefore changed in the second element of the facet.
         """
         facets = self.mesh.t2f.T
         # (element, facet): 1 in the first element of a facet, −1 in the second element
@@ -419,7 +419,7 @@ class MeshOperators:
 
     @cached_property
     def _has_rectangles(self) -> bool:
-        """Whether the mesh is a periodic mesh of rectangles whose first two vertices are on an edge along x1."""
+        """Whether the mesh is a periodic mesh of rectangles, and the first edge of each rectangle is along x1."""
         if type(self.mesh) is not MeshQuad1DG:
             return False
         # coordinates (element, corner); the corners of an element are numbered around the element
