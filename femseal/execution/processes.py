@@ -15,7 +15,7 @@ from itertools import chain, islice
 from pathlib import Path
 from shutil import rmtree
 from tempfile import NamedTemporaryFile, TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import psutil
@@ -79,26 +79,22 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
         return
     with NamedTemporaryFile(suffix=".pickle", dir=folder, delete=False) as file:
         pickle.dump(stage, file, protocol=5)
-    # number of items that joblib takes in advance, and number of processes that compute at the same time
-    under_way: Any = "2 * n_jobs"
-    processes = count
-    if stage.memory:
-        most_calls = FREE_FRACTION * free_memory() / stage.memory
-        under_way = int(np.clip(most_calls, 1, 2 * count))
-        processes = under_way
-    # if there are fewer items than cores, each process uses several threads
-    threads = max(1, count // min(processes, len(first_items)))
+    limits = _stage_limits(stage, count, len(first_items))
     results = None
-    _has_processes.set()
+    _has_processes.set()  # from here on, `end_processes` has processes to end
     try:
         with joblib.parallel_config("loky", inner_max_num_threads=1), starting_processes():
             # max_nbytes=None sends large arrays through pipes, because files would remain if the run is killed
             pool = joblib.Parallel(
-                return_as="generator", n_jobs=count, pre_dispatch=under_way, max_nbytes=None
+                return_as="generator",
+                n_jobs=count,
+                pre_dispatch=limits.dispatched_items,
+                max_nbytes=None,
             )
             call = joblib.delayed(_call_stored)
             results = pool(
-                call(os.getpid(), file.name, threads, *item) for item in chain(first_items, items)
+                call(os.getpid(), file.name, limits.threads, *item)
+                for item in chain(first_items, items)
             )
         for result in results:  # noqa: UP028, as `yield from` would close the generator here
             yield result
@@ -114,13 +110,42 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
         Path(file.name).unlink(missing_ok=True)
 
 
+class _StageLimits(NamedTuple):
+    """Hold how many items of a stage are computed or waiting at the same time, and the threads of each process.
+
+    dispatched_items : number of items that joblib takes in advance, in the form of its argument `pre_dispatch`. threads
+    : number of threads with which each process computes an item.
+    """
+
+    dispatched_items: Any
+    threads: int
+
+
+def _stage_limits(stage: Stage, count: int, item_count: int) -> _StageLimits:
+    """Choose limits with which the free memory is sufficient and all cores are used.
+
+    stage : the stage, with the memory of a call if the memory must be limited.
+    count : number of processes.
+    item_count : number of items of the stage, at most `count`.
+    """
+    dispatched_items: Any = "2 * n_jobs"
+    concurrent_processes = count
+    if stage.memory:
+        most_calls = FREE_FRACTION * free_memory() / stage.memory
+        dispatched_items = int(np.clip(most_calls, 1, 2 * count))
+        concurrent_processes = dispatched_items
+    # if fewer items than cores are computed at the same time, each process uses several threads
+    threads = max(1, count // min(concurrent_processes, item_count))
+    return _StageLimits(dispatched_items, threads)
+
+
 @contextmanager
 def starting_processes() -> Iterator[None]:
     """Start processes inside the `with` block with the variables `ENVIRONMENT`, and with SIGINT and SIGTERM blocked.
 
     SIGINT and SIGTERM are blocked inside the `with` block, and a new process inherits the blocked signals. A signal
-    that this process receives inside the block is handled at the end of the block; this process then ends the worker
-    processes.
+    that this process receives inside the `with` block is handled at the end of the block, and this process then ends
+    the worker processes.
     """
     from multiprocessing import resource_tracker
 
@@ -232,8 +257,10 @@ def _end_with(parent: int) -> None:
             while process.is_running() and process.status() != psutil.STATUS_ZOMBIE:
                 time.sleep(WATCH_SECONDS)
                 if not threading.main_thread().is_alive():
+                    # this process has finished its work; give its other threads some time to end
                     time.sleep(END_SECONDS)
                     os._exit(0)
+        # the parent has ended
         for folder in tuple(_folders):
             rmtree(folder, ignore_errors=True)
         os._exit(1)

@@ -3,8 +3,8 @@
 A stopped run leaves two things in its output folder: the store with its results, and a manifest of everything on which
 the results depend. The run can be resumed from the store and the manifest. A run in progress holds a lock on a file in
 its output folder. The operating system releases the lock when the process ends, for whatever reason. Some network file
-systems do not support locks. On such file systems, an additional file marks the folder as locked; the file contains the
-name of the process.
+systems do not support locks. On a file system without locks, an additional file marks the folder as locked. The
+additional file contains the name of the process.
 """
 
 import errno

@@ -42,8 +42,9 @@ def filter_warnings(case: Case, surface: Surface, conditioning: Conditioning) ->
     """Warn if the filter removes a large part of the measured slope, or if much noise remains in the surface."""
     if case.surface.continue_spectrum is not None:
         return
+    # shortest wavelength above the noise of the measurement, and shortest wavelength after filtering
     measured = to_text(conditioning.shortest_measured, "m", 3)
-    kept = to_text(conditioning.shortest_wave, "m", 3)
+    after = to_text(conditioning.shortest_wave, "m", 3)
     # If the instrument limits the waves, the description of the surface says so.
     is_limited_by_instrument = conditioning.shortest_wave == conditioning.shortest_seen
     if not is_limited_by_instrument and conditioning.lost_slope > _LOST_SLOPE:
@@ -54,7 +55,7 @@ def filter_warnings(case: Case, surface: Surface, conditioning: Conditioning) ->
             also = " and surface.points" if case.surface.points else ""
             remedy = f"leave out surface.shortest_wave{also}"
         yield (
-            f"The leakage may be wrong by large factors: the low-pass at {kept} removes {conditioning.lost_slope:.0%} "
+            f"The leakage may be wrong by large factors: the low-pass at {after} removes {conditioning.lost_slope:.0%} "
             f"of the rms slope of the face, whose waves down to {measured} stand above noise. To keep them {remedy}"
         )
     if not conditioning.rms_slope:
@@ -62,6 +63,6 @@ def filter_warnings(case: Case, surface: Surface, conditioning: Conditioning) ->
     noise = 1 - conditioning.rms_slope_measured / conditioning.rms_slope
     if noise > _NOISE_SLOPE:
         yield (
-            f"The surface is rougher than measured: {noise:.0%} of the rms slope comes from waves of {kept} to "
+            f"The surface is rougher than measured: {noise:.0%} of the rms slope comes from waves of {after} to "
             f"{measured}, which are noise or beyond the instrument. surface.shortest_wave = '{measured}' removes them"
         )

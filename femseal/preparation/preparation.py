@@ -293,8 +293,11 @@ def prepare(case: Case) -> Prepared:
             )
             if seat is not None and seal.form_is_separate:
                 forms += (seat,)
-            pressed = _press_seal(case, scene, sampling, cells, seal.size, forms)
-            sampling, cells, seal_warnings = pressed.sampling, pressed.cells, pressed.warnings
+            stochastic_input = _add_forms_or_pressure_map(
+                case, scene, sampling, cells, seal.size, forms
+            )
+            sampling, cells = stochastic_input.sampling, stochastic_input.cells
+            seal_warnings = stochastic_input.warnings
         methods = frozenset(case.methods)
         with errors_with_keys(SEAL_KEYS):
             if methods & {"deterministic", "two-scale"}:
@@ -494,7 +497,7 @@ def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tupl
 
 
 @dataclass(frozen=True)
-class _PressedSeal:
+class _StochasticInput:
     """Hold the input of the stochastic study, including the form deviations or the pressure map of the seal.
 
     sampling : options of the stochastic study.
@@ -507,14 +510,14 @@ class _PressedSeal:
     warnings: tuple[str, ...]
 
 
-def _press_seal(
+def _add_forms_or_pressure_map(
     case: Case,
     scene: Scene,
     sampling: Sampling,
     cells: Shape | None,
     size: Pair,
     forms: tuple[SealForm, ...],
-) -> _PressedSeal:
+) -> _StochasticInput:
     """Add the form deviations of the seal, or else the pressure map of the case, to the options of the study.
 
     Raises InputError if a form is too steep, or if the forms or the pressure map do not cover the seal.
@@ -528,9 +531,12 @@ def _press_seal(
             breadth, length = size
             pressure_map = case.load.pressure_map(case.folder, breadth * length, length)
             sampling = replace(sampling, pressure_map=pressure_map)
+        # the study chooses the numbers of cells if the case does not contain them (`cells` is None)
         cut, tiles = cut_and_tiles(scene, cells, sampling)
         if forms:
             # raises InputError if a form is too steep or does not cover the seal
             sample_form(scene, tiles, forms)
         map_warnings = check_map(scene, tiles, sampling.pressure_map)
-        return _PressedSeal(sampling, cut.shape, (*tiles.warnings, *map_warnings))
+        return _StochasticInput(
+            sampling=sampling, cells=cut.shape, warnings=(*tiles.warnings, *map_warnings)
+        )

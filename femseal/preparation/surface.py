@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import inf
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..base import InputError, Shape, to_text
 from ..case.case import Case, CellsTable
-from ..case.faces import FileFace
+from ..case.faces import Face, FileFace
 from ..face.cells import Cut, usual_cells
 from ..studies.blocks import CELLS, usual_blocks
 from ..topography import (
@@ -82,23 +82,23 @@ def condition_surface(case: Case) -> ConditionedSurface:
         A face cannot be read or used, or the surface cannot be divided into these cells.
     """
     faces = _repair_faces(case)
-    level, instrument = faces.surface, faces.instrument
-    points = _choose_points(case, level, instrument)
+    repaired, instrument = faces.surface, faces.instrument  # without form deviation
+    points = _choose_points(case, repaired, instrument)
     with errors_with_keys(SURFACE_KEYS):
-        continuation = _continuation(case, level, instrument)
+        continuation = _continuation(case, repaired, instrument)
         if continuation is not None:
             # the filter removes the measured waves that the continuation replaces
             shortest_wave = continuation.longest
         else:
-            shortest_wave = case.surface.shortest_wave or default_wave(level, points, instrument)
-        check_memory_of_points("surface.points", points, len(level.patches))
-        patch = level.shortest_patch
-        cells = _choose_cells(case, patch, points, shortest_wave)
-        # number of points of the shortest patch; all patches lie side by side along x2
-        points_of_patch = (points[0], round(points[1] * patch.shape[1] / level.shape[1]))
+            shortest_wave = case.surface.shortest_wave or default_wave(repaired, points, instrument)
+        check_memory_of_points("surface.points", points, len(repaired.patches))
+        patch = repaired.shortest_patch
+        cells_of_patch = _choose_cells(case, patch, points, shortest_wave)
+        # all patches lie side by side along x2; the shortest patch has this part of their points
+        points_of_patch = (points[0], round(points[1] * patch.shape[1] / repaired.shape[1]))
         check_wave(shortest_wave, patch.size, points_of_patch)
         surface, conditioning = smooth(
-            level,
+            repaired,
             faces.first_repair.form,
             faces.maps,
             shortest_wave=shortest_wave,
@@ -106,9 +106,11 @@ def condition_surface(case: Case) -> ConditionedSurface:
             instrument=instrument,
         )
     conditioning = replace(conditioning, reading=faces.notes)
-    if cells is not None:
-        Cut.of(surface.shortest_patch, cells)  # raises if cells have too few points
-        cells = over_all_patches(level, cells)
+    cells = None
+    if cells_of_patch is not None:
+        # raises InputError if the cells have too few points
+        Cut.of(surface.shortest_patch, cells_of_patch)
+        cells = over_all_patches(repaired, cells_of_patch)
     if continuation is not None:
         surface = continuation.add_to(surface)
         conditioning = replace(
@@ -170,42 +172,75 @@ class _RepairedFaces:
     notes: tuple[str, ...]
 
 
-def _repair_faces(case: Case) -> _RepairedFaces:
-    """Generate or read the maps of each face, and repair the maps. For two faces, add the maps of both faces.
+class _RepairedFace(NamedTuple):
+    """Hold the repaired maps of a face.
 
-    Patch n of one face is in contact with patch n of the other face. If one face has fewer patches than the other face,
-    its patches are used again, beginning with its first patch.
+    maps : one repaired map for each patch.
+    instruments : instrument of each map.
+    notes : sentences on how the files of the maps were understood.
     """
+
+    maps: list[RepairedMap]
+    instruments: list[Instrument]
+    notes: list[str]
+
+
+def _repair_faces(case: Case) -> _RepairedFaces:
+    """Generate or read the maps of each face, and repair the maps. For two faces, add the maps of both faces."""
     # Each face has its own stream of random numbers, which is independent of the random numbers of the studies.
     seeds = np.random.SeedSequence(case.seed).spawn(len(case.face))
-    faces: list[list[RepairedMap]] = []  # maps by face
-    instruments: list[Instrument] = []
-    notes: list[str] = []
+    faces = []
     for number, table in enumerate(case.face):
-        is_measured = isinstance(table, FileFace)
         key = f"face.{number}" if len(case.face) > 1 else "face"
-        if not isinstance(table, FileFace):
-            check_memory_of_points(f"{key}.points", table.points)
-        with errors_with_keys(FACE_KEYS, key):
-            rng = np.random.default_rng(seeds[number])
-            maps = [map_table.make(case.folder, rng) for map_table in table.maps(case.folder)]
-        spikes = case.surface.spikes if is_measured else inf
-        with errors_with_keys(SURFACE_KEYS | {"heights": key}):
-            treatment = _treatment(case, spikes, is_measured)
-            faces.append([repair(face_map.topography, **treatment) for face_map in maps])
-        instruments += [face_map.instrument for face_map in maps]
-        notes += [note for face_map in maps for note in face_map.notes]
-    all_maps = list(chain(*faces))
-    # each map is a pair of the level map and the report on its repair
-    instrument = _joint_instrument(instruments, [level for level, _ in all_maps])
+        faces.append(_repair_face(case, table, key, np.random.default_rng(seeds[number])))
+    all_maps = [repaired_map for face in faces for repaired_map in face.maps]
+    notes = [note for face in faces for note in face.notes]
+    instruments = [instrument for face in faces for instrument in face.instruments]
+    instrument = _joint_instrument(instruments, [topography for topography, _ in all_maps])
     if len(faces) == 1:
-        return _repaired_faces(faces[0], all_maps, None, instrument, notes)
-    first_face, second_face = faces
-    pairs = []
-    for n in range(max(len(first_face), len(second_face))):
-        pairs.append((first_face[n % len(first_face)], second_face[n % len(second_face)]))
+        return _repaired_faces(faces[0].maps, all_maps, None, instrument, notes)
+    pairs = _pair_patches(faces[0].maps, faces[1].maps)
     patches, first_overlap = _add_pairs(case, pairs)
     return _repaired_faces(patches, list(chain(*pairs)), first_overlap, instrument, notes)
+
+
+def _repair_face(case: Case, table: Face, key: str, rng: np.random.Generator) -> _RepairedFace:
+    """Generate or read the maps of one face, and repair the maps.
+
+    table : description of the face in the case.
+    key : key of this table in the case, such as "face" or "face.1".
+    rng : source of the random numbers of a generated face.
+    """
+    is_measured = isinstance(table, FileFace)
+    if not isinstance(table, FileFace):
+        check_memory_of_points(f"{key}.points", table.points)
+    with errors_with_keys(FACE_KEYS, key):
+        maps = [map_table.make(case.folder, rng) for map_table in table.maps(case.folder)]
+    spikes = (
+        case.surface.spikes if is_measured else inf
+    )  # no spikes are removed from generated maps
+    # if `repair` rejects its argument "heights", the error is about the table of this face
+    with errors_with_keys(SURFACE_KEYS | {"heights": key}):
+        treatment = _treatment(case, spikes, is_measured)
+        repaired = [repair(face_map.topography, **treatment) for face_map in maps]
+    return _RepairedFace(
+        maps=repaired,
+        instruments=[face_map.instrument for face_map in maps],
+        notes=[note for face_map in maps for note in face_map.notes],
+    )
+
+
+def _pair_patches(
+    first_face: list[RepairedMap], second_face: list[RepairedMap]
+) -> list[tuple[RepairedMap, RepairedMap]]:
+    """Return the pairs of patches that are in contact: patch n of one face with patch n of the other face.
+
+    If one face has fewer patches than the other face, its patches are used again, beginning with its first patch.
+    """
+    count = max(len(first_face), len(second_face))
+    return [
+        (first_face[n % len(first_face)], second_face[n % len(second_face)]) for n in range(count)
+    ]
 
 
 def _add_pairs(
@@ -324,10 +359,10 @@ def _choose_cells(
 ) -> Shape | None:
     """Choose the numbers of cells along both axes of a patch; return None if no method needs cells.
 
-    The case can contain the size of the cells or the numbers of cells. If the case contains neither, the numbers depend
-    on the studies. In a study by blocks, each block has 4 × 4 cells. In a two-scale study with a stochastic study, the
-    function `usual_cells` determines the numbers. In a two-scale study without a stochastic study, the sides of a cell
-    are at least eight times the shortest wavelength.
+    The case can contain the size of the cells or the numbers of cells. If the case contains neither the size nor the
+    numbers, the numbers depend on the studies. In a study by blocks, each block has 4 × 4 cells. In a two-scale study
+    with a stochastic study, the function `usual_cells` determines the numbers. In a two-scale study without a
+    stochastic study, the sides of a cell are at least eight times the shortest wavelength.
     """
     table = case.cells or CellsTable()
     stochastic = case.stochastic

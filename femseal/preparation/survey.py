@@ -22,6 +22,7 @@ from ..topography import (
     Instrument,
     Look,
     Representative,
+    Surface,
     SurfaceReport,
     TooManyUndefined,
     Topography,
@@ -143,7 +144,7 @@ def survey(
     Raises
     ------
     InputError
-        An argument is invalid, or the file contains no heights. If this error is raised, no picture is written.
+        An argument is invalid, or the file contains no heights. No picture is written if an InputError is raised.
     """
     if picture is not None and (
         picture.suffix.lower() not in _PICTURES or not picture.absolute().parent.is_dir()
@@ -227,18 +228,18 @@ def survey_surface(
         report = describe_surface(face, **treatment | {"max_undefined": 1.0})
     try:
         with errors_with_keys(SURFACE_OPTIONS):
-            level, repaired = repair(face, **treatment)
+            repaired, repair_report = repair(face, **treatment)
             surface, conditioning = smooth(
-                level,
-                repaired.form,
-                [(level, repaired)],
+                repaired,
+                repair_report.form,
+                [(repaired, repair_report)],
                 shortest_wave=wave,
-                shape=default_points(level, wave, instrument),
+                shape=default_points(repaired, wave, instrument),
                 instrument=instrument,
             )
     except InputError as error:
-        # An error about a filter that the user has chosen is raised. Other errors mean that a run would reject the
-        # surface.
+        # If the user has chosen the wavelength `wave`, an error is about `wave` and is raised, unless the surface has
+        # too many undefined points. Other errors are reasons for which a run would reject the surface.
         is_fault_of_the_surface = isinstance(error.__cause__, TooManyUndefined)
         if wave is not None and not is_fault_of_the_surface:
             raise
@@ -247,8 +248,19 @@ def survey_surface(
     if not surface.rms_slope:
         return surveyed
     # the checks are made for the surface with its form deviation; only the tilt is subtracted
-    with_form = level.with_heights(level.heights + repaired.form.heights).detrend(None)
+    with_form = repaired.with_heights(repaired.heights + repair_report.form.heights).detrend(None)
     with_form = with_form.low_pass(conditioning.shortest_wave)
+    return _with_checks(surveyed, surface, with_form)
+
+
+def _with_checks(
+    surveyed: _SurveyedSurface, surface: Surface, with_form: Topography
+) -> _SurveyedSurface:
+    """Add the checks of the longest waves and of the form deviation, and the quick estimate, to a description.
+
+    surface : the surface after repair and filtering, without its form deviation.
+    with_form : the same surface with its form deviation.
+    """
     # Ratios of leakages and contact fractions only depend on the ratios of pressure and hardness to the contact
     # modulus. The modulus can therefore be 1.
     modulus = 1.0

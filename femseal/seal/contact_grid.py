@@ -44,8 +44,9 @@ class ContactGrid:
     tile : array of int, (n1, n2)
         Number of the tile in which each cell lies, −1 outside of the seal.
     averaging : sparse array, (tiles, n1·n2)
-        Matrix that averages values at the grid cells over each tile. The columns of the matrix belong to the cells, row
-        by row. For a tile without a cell, the matrix returns the value at the nearest cell.
+        Matrix that averages values at the grid cells over each tile. Column j of the matrix belongs to grid cell j,
+        where the cells are numbered row by row. For a tile without a cell, the matrix returns the value at the nearest
+        cell.
     """
 
     points: Array = field(repr=False)
@@ -65,8 +66,8 @@ class ContactGrid:
         frame : Frame
             Coordinates of the seal.
         profile : bool
-            Whether the form deviation varies only across the seal and not along the seal. For such a form deviation,
-            the grid has more rows.
+            Whether the form deviation varies only across the seal and not along the seal. If the form deviation does
+            not vary along the seal, the grid has more rows.
         """
         if tiles.grid is None:
             return cls._over_mesh(tiles)
@@ -93,7 +94,8 @@ class ContactGrid:
 
         mesh = tiles.seal.mesh
         lower_corner = mesh.p.min(axis=1)
-        sides = mesh.p.max(axis=1) - lower_corner  # of the rectangle around the mesh
+        sides = mesh.p.max(axis=1) - lower_corner  # sides of the rectangle around the mesh
+        # preferred, smallest and largest side of a square
         preferred = 0.5 * (tiles.size[0] * tiles.size[1] / tiles.count) ** 0.5
         smallest = float(np.prod(sides) / _MOST_CELLS) ** 0.5
         largest = float(sides.max()) / _FEWEST_CELLS
@@ -123,15 +125,19 @@ class ContactGrid:
         from scipy.sparse import csr_array
         from scipy.spatial import cKDTree
 
-        inside = np.flatnonzero(tile >= 0)  # indices of the cells on the seal, row by row
-        empty_tiles = np.setdiff1d(np.arange(tiles.count), tile)
-        tree = cKDTree(points.reshape(-1, 2)[inside])
-        _, nearest = tree.query(tiles.middles[empty_tiles])
-        # entry (i, j) of the matrix is 1 / (number of cells in tile i), if cell j lies in tile i
-        i = np.r_[tile.ravel()[inside], empty_tiles]
-        j = np.r_[inside, inside[nearest]]
-        weights = 1 / np.bincount(i)[i]
-        averaging = csr_array((weights, (i, j)), (tiles.count, tile.size))
+        cells_on_seal = np.flatnonzero(
+            tile >= 0
+        )  # indices of the grid cells on the seal, row by row
+        tiles_without_cell = np.setdiff1d(np.arange(tiles.count), tile)
+        tree = cKDTree(points.reshape(-1, 2)[cells_on_seal])
+        _, nearest = tree.query(tiles.middles[tiles_without_cell])
+        # Row i of the matrix averages over the cells of tile i: the entry (i, j) is 1 / (number of cells in tile i) if
+        # cell j lies in tile i. A tile without a cell gets the nearest cell as its only cell.
+        i_tile = np.r_[tile.ravel()[cells_on_seal], tiles_without_cell]
+        j_cell = np.r_[cells_on_seal, cells_on_seal[nearest]]
+        cells_of_tile = np.bincount(i_tile)
+        weights = 1 / cells_of_tile[i_tile]
+        averaging = csr_array((weights, (i_tile, j_cell)), (tiles.count, tile.size))
         return cls(points, spacing, boundary, tile, averaging)
 
     @property

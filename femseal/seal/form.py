@@ -142,7 +142,7 @@ class WavyForm:
 class MeasuredForm:
     """Hold a form deviation: heights that were measured over a whole seal.
 
-    The method `from_points` creates a form from measured points, and `from_map` from a map of heights. The
+    The method `from_points` creates a form from measured points, the method `from_map` from a map of heights. The
     least-squares plane is subtracted from the heights, because faces align with each other when they are clamped.
 
     Attributes
@@ -251,7 +251,7 @@ class MeasuredForm:
         """Interpolate the measured heights at points of a seal by linear radial basis functions.
 
         The least-squares plane of the interpolated heights is subtracted. For parameters and errors, see
-        `SealForm.heights`. In addition, an InputError is raised for measured points in polar coordinates on a strip.
+        `SealForm.heights`. An InputError is also raised for a strip whose measured points are in polar coordinates.
         """
         from scipy.interpolate import RBFInterpolator
         from scipy.spatial import cKDTree
@@ -387,7 +387,7 @@ class ScaledForm:
         return self.form.shortest_wave
 
     def heights(self, points: Array, frame: Frame) -> Array:
-        """Return the multiplied heights (n,) [m] of the form at points (n, 2) [m] of a seal."""
+        """Return `factor` times the heights (n,) [m] of the form `form` at points (n, 2) [m] of a seal."""
         return self.factor * self.form.heights(points, frame)
 
 

@@ -23,7 +23,7 @@ _LARGEST_DISTANCE = 2.0
 
 @dataclass(frozen=True)
 class Lay:
-    """Describe the lay of a seal: the direction on the seal into which the axis x2 of a cell is turned.
+    """Describe the lay of a seal: the direction of the machining marks on the seal.
 
     The lay is given in one of four ways: by a name, by an angle, as a spiral, or as a vector field. Opposite directions
     are the same lay.

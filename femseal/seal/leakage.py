@@ -112,7 +112,7 @@ def _in_viscous_potential(
     # The difference of ψ between inlet and outlet is `factor` times the difference of φ. The flow for a difference of 1
     # in φ is therefore larger by this factor.
     factor = drop.mean_factor
-    potential = drop.viscous_fraction(fraction)
+    potential = drop.viscous_fraction(fraction)  # φ, scaled to 1 at the inlet and 0 at the outlet
     return replace(
         flow,
         conductance=factor * rate,

@@ -306,19 +306,24 @@ def _check_element_shapes(mesh: Mesh) -> None:
 
 
 def _overlapping_neighbours(mesh: Mesh) -> tuple[int, ...]:
-    """Return the indices of the first two elements that overlap a neighbour; empty if no neighbours overlap."""
-    # If the boundaries of two neighbouring elements are traversed anticlockwise, the common edge is passed in opposite
-    # directions; otherwise the elements overlap. The direction is 1 or −1, depending on which vertex number is larger,
-    # and the directions of two neighbours add up to 0.
+    """Return the indices of the first two elements that overlap a neighbour; empty if no neighbours overlap.
+
+    Neighbouring elements are compared by the directions in which their boundaries pass the common edge. Let the
+    boundaries of both elements be traversed anticlockwise. If the common edge is not passed in opposite directions, the
+    elements overlap. Elements also overlap if more than two elements have the same edge.
+    """
     vertices, edge = mesh.t.T, mesh.t2f.T  # (element, corner)
+    # direction of each edge: 1 if the number of its second vertex is larger, −1 if it is smaller
     direction = np.sign(np.roll(vertices, -1, axis=1) - vertices)
-    areas = polygon_areas(mesh.p.T[vertices])  # negative if the corners are in clockwise order
+    # the area is negative if the corners are in clockwise order; the direction is then reversed
+    areas = polygon_areas(mesh.p.T[vertices])
     direction *= np.sign(areas)[:, None].astype(int)
+    # number of elements at each edge, and sum of their directions, which is 0 for opposite directions
     element_count = np.bincount(edge.ravel())
     direction_sum = np.bincount(edge.ravel(), direction.ravel())
     has_overlap = (element_count > 2) | ((element_count == 2) & (direction_sum != 0))
-    bad = np.flatnonzero(has_overlap[edge].any(axis=1))
-    return tuple(bad[:2])
+    overlapping = np.flatnonzero(has_overlap[edge].any(axis=1))
+    return tuple(overlapping[:2])
 
 
 def _names(given: Names) -> tuple[str, ...]:
@@ -410,6 +415,8 @@ class ElementSeal:
         principal = permeability_tensors(permeability, n)
         # set rounding errors to 0, so that the tensor of a lay along an edge of the mesh stays diagonal
         axes = np.where(np.abs(self.axes) <= _ROUNDING, 0.0, self.axes)
+        # K_ab = Σ_ij P_ij e_ia e_jb for each element n, with the tensor P across (i, j = 0) and along (1) the lay, the
+        # unit vectors e_0 and e_1 across and along the lay, and the mesh coordinates a and b
         return np.asarray(np.einsum("nij,nia,njb->nab", principal, axes, axes))
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
@@ -421,8 +428,8 @@ class ElementSeal:
             Permeability of the n elements [m³], in one of the forms that the method `tensors` accepts.
         bounds : bool
             Whether to compute a lower and an upper bound of the flow, and to return their geometric mean as the flow.
-            With False, the flow on a mesh is computed with linear elements and is an upper bound. The potential does
-            not depend on `bounds`.
+            With bounds=False, the flow on a mesh is computed with linear elements and is an upper bound. The potential
+            does not depend on `bounds`.
         solver : str
             "multigrid" or "elimination" for rectangles whose lay is parallel to their edges, "amg" or "direct" on the
             mesh, or "auto".

@@ -11,7 +11,7 @@ from ..base import Array, InputError, Pair, Shape, validate
 def plane_points(name: str, given: ArrayLike) -> Array:
     """Check that `given` consists of at least three finite points (n, 2) [m], and return them as an array.
 
-    Other values raise an InputError, which names the argument `name`.
+    For any other value, an InputError is raised that names the argument `name`.
     """
     points = validate.field(name, given, unit="m")
     if points.shape[1] != 2 or len(points) < 3:

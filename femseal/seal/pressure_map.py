@@ -275,9 +275,10 @@ class PressureField:
             x, y = points[uncovered[0]]
             given = f"{ranges}, without points of the seal such as ({x:.4g}, {y:.4g}) m"
             raise InputError("field", given, "a pressure field that covers the seal")
-        inside = np.maximum(weights, 0)
-        inside /= inside.sum(axis=1, keepdims=True)
-        return (inside * self.pressure[self.triangles[triangle]]).sum(axis=1)
+        # move points that are slightly outside to the edge of the triangle, by setting negative weights to 0
+        inside_weights = np.maximum(weights, 0)
+        inside_weights /= inside_weights.sum(axis=1, keepdims=True)
+        return (inside_weights * self.pressure[self.triangles[triangle]]).sum(axis=1)
 
     def _barycentric(self, points: Array) -> tuple[Indices, Array]:
         """Find, for each of the points (n, 2), the triangle that contains the point or is nearest to the point.

@@ -225,33 +225,48 @@ def _named_lines(data: Any) -> dict[str, Indices]:
     If the file contains a cell set with the name of the boundary, the lines in this cell set are returned; if not, the
     lines with the number of the boundary are returned.
     """
-    named: dict[str, list[Indices]] = {}  # end nodes (m, 2) of the lines, in one or several arrays
+    named = _lines_of_cell_sets(data)
+    for name, lines in _numbered_lines(data).items():
+        if not named.get(name):
+            named[name] = [lines]
+    return {name: np.vstack(parts) for name, parts in named.items() if parts}
+
+
+def _lines_of_cell_sets(data: Any) -> dict[str, list[Indices]]:
+    """Return the end nodes (m, 2) of the lines in each cell set, separately for each block of cells in the file."""
+    lines_of_set = {}
     for name, members in data.cell_sets.items():
-        if name.startswith("gmsh:"):
+        if name.startswith("gmsh:"):  # internal sets of gmsh
             continue
-        # a cell set lists cell numbers for each block of cells
-        named[name] = [
+        # a cell set lists the numbers of its cells in each block, or None for a block without such cells
+        lines_of_set[name] = [
             block.data[np.asarray(numbers, int)]
             for block, numbers in zip(data.cells, members, strict=True)
             if block.type == "line" and numbers is not None
         ]
+    return lines_of_set
+
+
+def _numbered_lines(data: Any) -> dict[str, Indices]:
+    """Return the end nodes (m, 2) of the lines with the number of each boundary, by the name of the boundary."""
     # names of the numbered boundaries; groups of surfaces are ignored, because a surface may have the same number as a
     # line
     names = {int(tag): name for name, (tag, dimension) in data.field_data.items() if dimension == 1}
     tag_keys = [key for key in _TAGS if key in data.cell_data]
+    # number of the boundary of each line; empty if the file contains no numbers
     tags = data.cell_data_dict[tag_keys[0]].get("line", []) if tag_keys else []
+    lines_of_boundary: dict[str, Indices] = {}
     for tag in np.unique(tags).tolist():
         name = names.get(tag, str(tag))
-        if not named.get(name):
-            named[name] = [data.cells_dict["line"][tags == tag]]
-    return {name: np.vstack(parts) for name, parts in named.items() if parts}
+        lines_of_boundary.setdefault(name, data.cells_dict["line"][tags == tag])
+    return lines_of_boundary
 
 
 def _facets_with_ends(mesh: Mesh, ends: Indices) -> Indices:
     """Return the facets whose vertices form one of the given pairs (m, 2); pairs that form no facet are ignored."""
     n = mesh.nvertices
     # a pair of vertices is represented by a single number, which does not depend on the order of the two vertices
-    facet_ends = np.sort(mesh.facets, axis=0)
+    facet_ends = np.sort(mesh.facets, axis=0)  # (2, facet), the smaller vertex number first
     facet_key = facet_ends[0].astype(np.int64) * n + facet_ends[1]
     # False for pairs with an omitted node, whose number is −1
     is_complete = (ends >= 0).all(axis=1)
@@ -281,9 +296,9 @@ def read_pressure_field(
     path : str or PathLike
         Either a mesh file that meshio can read, such as .vtu, or a text file, .csv or .txt. The mesh must consist of
         triangles or quadrilaterals in a plane of constant z. The pressure is stored as point data (linear in each cell)
-        or cell data (constant in each cell) with the name `name`. A text file must have columns x, y and `name`, whose
-        names are in its first line. The columns are separated by commas, semicolons, tabs or blanks. The points of a
-        text file are connected by triangles.
+        or cell data (constant in each cell) with the name `name`. The first line of a text file contains the names of
+        its columns; the columns x, y and `name` are required. The columns are separated by commas, semicolons, tabs or
+        blanks. The points of a text file are connected by triangles.
     length_unit, pressure_unit : str
         Units of the numbers in the file, such as "mm" and "MPa".
     name : str
@@ -307,8 +322,8 @@ def read_pressure_field(
     if file.suffix.lower() in TEXTS:
         numbers = read_columns(file, ("x", "y", name))
         return PressureField.from_points(length * numbers[:, :2], unit * numbers[:, 2])
-    points, values, triangles = _read_triangles(file, name)
-    return PressureField.from_points(length * points, unit * values, triangles)
+    field = _read_triangles(file, name)
+    return PressureField.from_points(length * field.points, unit * field.values, field.triangles)
 
 
 class TextRow(NamedTuple):
@@ -394,17 +409,25 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
     return np.reshape(numbers, (-1, len(wanted)))
 
 
-def _read_triangles(file: Path, name: str) -> tuple[Any, Any, Any]:
-    """Read the points (n, 2), their values (n,) and the triangles (t, 3) of a field in a mesh file.
+class _FieldOnTriangles(NamedTuple):
+    """Hold a field on triangles: points (n, 2), values at the points (n,), and corners of the triangles (t, 3)."""
+
+    points: Any
+    values: Any
+    triangles: Any
+
+
+def _read_triangles(file: Path, name: str) -> _FieldOnTriangles:
+    """Read a field from a mesh file, and divide all cells of the mesh into triangles.
 
     Cell data are constant in each cell and differ between neighbouring cells. For cell data, each triangle has three
     separate points, which all have the value of the cell.
     """
     data = read_data(file)
-    # (number of the block of cells, corners of its triangles)
+    # for each division of a block of cells into triangles: index of the block, and corners of one triangle per cell
     block_triangles = [
-        (n, block.data[:, list(corners)])
-        for n, block in enumerate(data.cells)
+        (n_block, block.data[:, list(corners)])
+        for n_block, block in enumerate(data.cells)
         for corners in _TRIANGLES.get(block.type, ())
     ]
     if not block_triangles:
@@ -414,14 +437,21 @@ def _read_triangles(file: Path, name: str) -> tuple[Any, Any, Any]:
     triangles = np.concatenate([corners for _, corners in block_triangles])
     points = _plane_points_of(file, data, triangles, 1e-6)
     if name in data.point_data:
+        # omit points that belong to no triangle, and renumber the others
         vertices, renumbered = np.unique(triangles, return_inverse=True)
         values = _numbers(data.point_data[name], file, name)
-        return points[vertices], values[vertices], renumbered.reshape(triangles.shape)
+        return _FieldOnTriangles(
+            points[vertices], values[vertices], renumbered.reshape(triangles.shape)
+        )
     if name in data.cell_data:
-        cell_values = [_numbers(data.cell_data[name][n], file, name) for n, _ in block_triangles]
-        values = np.repeat(np.concatenate(cell_values), 3)
-        separate = np.arange(triangles.size).reshape(-1, 3)
-        return points[triangles.ravel()], values, separate
+        # one value for each triangle, in the order of `triangles`
+        triangle_values = np.concatenate(
+            [_numbers(data.cell_data[name][n_block], file, name) for n_block, _ in block_triangles]
+        )
+        separate_triangles = np.arange(triangles.size).reshape(-1, 3)
+        return _FieldOnTriangles(
+            points[triangles.ravel()], np.repeat(triangle_values, 3), separate_triangles
+        )
     expected = f"the name of data of points or cells in '{file}': {_fields(data)}"
     raise InputError("name", repr(name), expected)
 

@@ -34,8 +34,8 @@ class Seal(Protocol):
         Whether the flow is computed as the mean of a lower and an upper bound, so that `flow` must be called with
         `bounds=True`.
     element_shapes : tuple of tuple of int
-        Allowed shapes of the array of permeabilities, for permeabilities that are not tensors. The first of these
-        shapes is (n_elements,).
+        Allowed shapes of the array of permeabilities, for permeabilities that are not tensors. The first allowed shape
+        is (n_elements,).
     """
 
     value_needs_bounds: ClassVar[bool]
@@ -156,7 +156,7 @@ class PeriodicSeal:
         """Compute the flow by scikit-fem for a permeability (n1, n2, 2) or (n1, n2, 2, 2).
 
         A periodic mesh needs at least `FEWEST_COLUMNS` columns. If the seal has fewer columns, the mesh contains
-        several copies of the seal along its length. The returned flow is the flow through a single copy.
+        several copies of the seal along its length. The returned flow is the flow through a single copy of the seal.
         """
         n2 = self.cells[1]
         repetitions = -(-FEWEST_COLUMNS // n2)  # rounded up

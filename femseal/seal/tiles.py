@@ -171,9 +171,9 @@ class SealTiles:
         """Compute the permeability of the elements from the permeability of the tiles.
 
         A spiral groove passes through all tiles of a row, so that its permeability is limited by the tightest tiles.
-        The permeability along a spiral groove is therefore the harmonic mean k_g of k2 over the row. In the direction
-        of the leakage, the permeability of a tile is k1 cos²α + k_g sin²α, where α is the angle between the spiral
-        groove and the circumferential direction.
+        The permeability along a spiral groove is therefore the harmonic mean k_groove of k2 over the row. In the
+        direction of the leakage, the permeability of a tile is k1 cos²α + k_groove sin²α, where α is the angle between
+        the spiral groove and the circumferential direction.
 
         Parameters
         ----------
@@ -187,17 +187,18 @@ class SealTiles:
             Permeability of the elements across and along the lay [m³]. For a spiral lay, the two directions are the
             radial and the circumferential direction.
         """
-        across, along = along_x1, along_x2
+        k1 = along_x1[..., self.tile]  # (…, element)
+        k2 = along_x2[..., self.tile]
         if self.tangent is None:
-            return np.stack([across[..., self.tile], along[..., self.tile]], axis=-1)
+            return np.stack([k1, k2], axis=-1)
         assert self.grid is not None
         columns = self.grid[1]
-        in_rows = along.reshape(*along.shape[:-1], *self.grid)  # (…, row, column)
-        grooves = np.repeat(harmonic_row_means(in_rows), columns, axis=-1)  # (…, tiles)
+        in_rows = along_x2.reshape(*along_x2.shape[:-1], *self.grid)  # (…, row, column)
+        k_groove = np.repeat(harmonic_row_means(in_rows), columns, axis=-1)  # (…, tile)
         # cos²α = 1 / (1 + tan²α) and sin²α = tan²α / (1 + tan²α)
-        square = self.tangent**2
-        radial = (across[..., self.tile] + square * grooves[..., self.tile]) / (1 + square)
-        circumferential = (along[..., self.tile] + square * across[..., self.tile]) / (1 + square)
+        tan2 = self.tangent**2
+        radial = (k1 + tan2 * k_groove[..., self.tile]) / (1 + tan2)  # k1 cos²α + k_groove sin²α
+        circumferential = (k2 + tan2 * k1) / (1 + tan2)  # k2 cos²α + k1 sin²α
         return np.stack([radial, circumferential], axis=-1)
 
     def element_means(self, permeability: Array, fluid_pressure: Array) -> tuple[Array, Array]:
@@ -219,8 +220,8 @@ class SealTiles:
         potential : array, (n_vertices,)
             Pressure potential at the vertices, divided by the reference density of the fluid [1/s].
         rate : float
-            Leakage of the seal [m³/s]. The returned flux is scaled so that its total through the seal is this leakage;
-            the total of the unscaled flux is the upper bound of the leakage.
+            Leakage of the seal [m³/s]. The returned flux is scaled, so that the total flow through the seal is `rate`.
+            Without scaling, the total flow would be the upper bound of the leakage.
 
         Returns
         -------
@@ -536,7 +537,7 @@ def _strip(size: Pair, cells: Shape, lay: Array) -> SealTiles:
     """Create a periodic strip of rectangular tiles.
 
     A periodic mesh needs at least `FEWEST_COLUMNS` columns. If the strip has fewer columns, the mesh contains several
-    copies of the strip along its length. The copies of an element belong to the same tile.
+    copies of the strip along its length. All copies of an element of the strip belong to the same tile.
 
     size : width and length of the strip [m].
     cells : numbers of rows and columns of tiles.

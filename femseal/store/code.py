@@ -4,7 +4,7 @@ A contact law that the user has changed may have the same name and parameters as
 Python, femseal and installed packages is identified by its name and version. All other code is described by its
 bytecode, its constants and its default values. The description also contains the values of the variables that the code
 uses from enclosing functions and from its module. If a value cannot be described, `NoDigest` is raised. Results that
-depend on such a value are neither read from the store nor written to the store.
+depend on a value without a description are neither read from the store nor written to the store.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ class NoDigest(TypeError):
 class CodeDescription:
     """Describe the functions, classes and objects from which a digest is computed.
 
-    A function or class that has already been described is represented by a number. Without these numbers, the
-    description of two functions that call each other would never end.
+    A function or class that has already been described is represented by a number. Without numbers, the description of
+    two functions that call each other would never end.
     """
 
     def __init__(self) -> None:
@@ -94,8 +94,8 @@ class CodeDescription:
 def is_known(module: str) -> bool:
     """Return whether the name and the version of a module identify its code.
 
-    Modules of Python, of femseal and of installed packages are identified by name and version. Packages that are
-    installed in editable mode are not.
+    Modules of Python, of femseal and of installed packages are identified by name and version. A package that is
+    installed in editable mode is not identified by name and version.
     """
     return _origin(module) is not None
 

@@ -12,7 +12,7 @@ from .plain_data import describe
 
 
 def digest(value: Any) -> str:
-    """Compute a digest of a value, which differs for different values.
+    """Compute a digest of a value; different values have different digests.
 
     Parameters
     ----------

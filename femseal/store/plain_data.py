@@ -57,7 +57,7 @@ def packed(value: Any) -> bytes:
 
 
 def unpacked(data: bytes | memoryview) -> Any:
-    """Restore a value from the bytes that `packed` returned. Arrays in the value are copies.
+    """Restore a value from the bytes that `packed` returned. Arrays in the restored value are copies.
 
     Raises
     ------

@@ -67,9 +67,8 @@ class Store:
 
     Parameters
     ----------
-    folder : folder of the results, which is created when the first result is written. required : what happens if a
-    result cannot be written. If True, an error is raised. If False, a warning is logged, and later results are not
-    written.
+    folder : folder of the results, which is created when the first result is written. required : whether an error is
+    raised if a result cannot be written. With False, a warning is logged instead, and no further results are written.
     """
 
     def __init__(self, folder: Path, *, required: bool = True) -> None:
@@ -131,17 +130,21 @@ class Store:
         except NoDigest:
             yield from mapper(stage, *iterables)
             return
-        pending: deque[_Pending] = deque()
+        pending: deque[_Pending] = (
+            deque()
+        )  # requested items in their order, without a yielded result
+        # the generator fills `pending` whenever the mapper requests an item
         items = self._items_to_compute(zip(*iterables, strict=False), key_of, pending)
         # the mapper takes one iterable for each argument of the stage
         copies = tee(items, len(iterables))
         arguments = [map(itemgetter(n), copy) for n, copy in enumerate(copies)]
         for result in mapper(stage, *arguments):
-            # first the stored results of the items before the computed one
+            # before the computed item, the queue may contain items with stored results
             yield from self._stored_results(stage, pending)
             computed = pending.popleft()
             self._write(computed.key, result)
             yield result
+        # items with stored results after the last computed item
         yield from self._stored_results(stage, pending)
 
     def _items_to_compute(

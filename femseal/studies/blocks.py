@@ -3,11 +3,11 @@
 The surface is divided into blocks, and each block into 4 × 4 cells. The leakage is computed in four steps:
 
 - The heights of the surface are split into long waves and short waves. Waves longer than two cells count as long waves.
-- The contact of each block is solved with the short waves only. The result is the separation of the surfaces as a
+- The contact of each block is solved with the short waves only. The solution yields the separation of the surfaces as a
   function of the pressure.
 - The contact of the whole surface is solved on a coarse grid with one point for each cell. The heights on the coarse
-  grid are the long waves; the short waves act as a compliant rough layer. The result is the nominal pressure of every
-  cell.
+  grid are the long waves; the short waves act as a compliant rough layer. The solution on the coarse grid yields the
+  nominal pressure of every cell.
 - The permeability of every cell is computed from the contact of its block, at the nominal pressure of the cell minus
   the pressure that the fluid carries. The leakage is the flow through all cells in their order on the surface.
 
@@ -139,7 +139,8 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
     ------
     InputError
         The numbers of points are not divisible into blocks and cells. The error is also raised for a scene with several
-        measured patches, with trapped liquid or with a spiral lay, which this study does not support.
+        measured patches, with trapped liquid or with a spiral lay, because the study by blocks does not support such
+        scenes.
     NotConverged
         The contact solver failed.
 
@@ -189,13 +190,13 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
     k1, k2 = k.mean(axis=0)  # means over the fluid pressures
     estimate = estimate_scene(scene)
     return BlocksResult(
-        scene.steps,
-        blocks,
-        leakage,
-        k1,
-        k2,
-        pressure,
-        mean_gap,
+        steps=scene.steps,
+        blocks=blocks,
+        leakage=leakage,
+        k1=k1,
+        k2=k2,
+        pressure=pressure,
+        mean_gap=mean_gap,
         counts=SolveCounts.total(block.counts for block in solved_blocks),
         failures=tuple(
             f"{scene.steps[s].name}: {failure_of_step[s]}" for s in sorted(failure_of_step)
@@ -241,8 +242,9 @@ def blocks_of(cells: Shape | None) -> Shape:
 def usual_blocks(points: Shape) -> Shape:
     """Choose the smallest numbers of blocks for which a block has at most 1024 points along a side.
 
-    Along each axis, all blocks and all cells must have equal numbers of points. If no such division exists along an
-    axis, two blocks are returned for this axis, which `check_blocks` rejects with an error.
+    Along each axis, all blocks and all cells must have equal numbers of points. If the points along an axis cannot be
+    divided in this way, two blocks are returned for the axis. `check_blocks` raises an error for such numbers of
+    blocks.
     """
     counts = []
     for n in points:
@@ -278,11 +280,12 @@ def _split(scene: Scene, blocks: Shape, position: tuple[int, ...]) -> tuple[Scen
     heights = np.ascontiguousarray(surface.heights[rows, columns])
     block = Topography(heights, surface.spacing, (False, False))
     long_waves = block.low_pass(_LONGEST_WAVE * max(block.size) / CELLS).heights
-    # (row of cells, row in the cell, column of cells, column in the cell)
+    # (row of cells, row of points in the cell, column of cells, column of points in the cell)
     by_cell = long_waves.reshape(CELLS, n1 // CELLS, CELLS, n2 // CELLS)
+    cell_means = by_cell.mean(axis=(1, 3))
     short_waves = block.with_heights(block.heights - long_waves)
     block_scene = replace(scene, surface=short_waves, boundary=("mirror", "mirror"))
-    return block_scene, by_cell.mean(axis=(1, 3))
+    return block_scene, cell_means
 
 
 def _cells_of_block(values: Array, position: tuple[int, ...]) -> Array:
@@ -318,7 +321,8 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
     size = scene.surface.size
     spacing = size[0] / depth.shape[0], size[1] / depth.shape[1]
     body = HalfSpace(depth.shape, spacing, scene.modulus, scene.boundary)
-    block_numbers = np.arange(len(layers)).reshape(blocks)
+    block_numbers = np.arange(len(layers)).reshape(blocks)  # (row of blocks, column of blocks)
+    # a single layer object with the layers of all blocks; the pressures and peaks are the same for all blocks
     layer = replace(
         layers[0],
         separation=np.concatenate([layer.separation for layer in layers]),
@@ -361,13 +365,13 @@ def _solve_block_cells(block_and_pressure: tuple[Scene, Array]) -> _SolvedBlock:
     steps = block.steps
     cut = Cut.of(block.surface, (CELLS, CELLS))
     fluid = TileFluid.of(block)
-    # (step, path): one pressure path for each cell, or, if the fluid acts on the surfaces, for each cell and each fluid
-    # pressure
+    # (step, path): one path for each cell, or, if the fluid pressure acts on the surfaces, for each relief and cell
     paths = fluid.effective_pressures(pressure.reshape(len(steps), -1))
     tabulated = choose_tabulated_pressures(paths, steps, block.law.is_elastic, _SPACING_FACTOR)
     cells = solve_cells_at_pressures(block, cut, tabulated, map, block.boundary)
     k_on_paths = fluid.select_matching_reliefs(interpolate_along_paths(cells, paths, steps))
-    # The last two axes are (path, cell). Path n is the pressure of cell n, so that only the diagonal is needed.
+    # The last two axes are (path, cell). Path n is the pressure of cell n, so that only the permeability of cell n on
+    # path n is needed.
     cell = np.arange(CELLS**2)
     k = k_on_paths[..., cell, cell]  # (fluid pressure, axis, step, cell)
     mean_pressure = paths.mean(axis=1)
@@ -390,9 +394,9 @@ def _surface_state(scene: Scene, blocks: list[PatchState], gap: Array) -> PatchS
     gap : array (steps, rows, columns), m
         Mean gap of each cell.
     """
-    # The number of carriers is N = (Σd)²/Σd², where d is the dissipation in each part of a block. Let each of the n
-    # blocks dissipate the power D. Then Σd² of a block with N carriers is D²/N, and (Σd)² of the whole surface is
-    # (n D)², so that the surface has n²/Σ(1/N) carriers.
+    # A block with the dissipations d in its parts has N = (Σd)²/Σd² carriers. Let each of the n blocks dissipate the
+    # power D = Σd. Then Σd² is D²/N for a block with N carriers, and D² Σ(1/N) for the whole surface. The whole surface
+    # dissipates n D and therefore has (n D)²/(D² Σ(1/N)) = n²/Σ(1/N) carriers. A sealed block counts as N = 1.
     reciprocals = [1 / np.nan_to_num(block.carriers, nan=1.0) for block in blocks]
     carriers = len(blocks) ** 2 / np.sum(reciprocals, axis=0)
     contact_fraction = np.mean([block.contact_fraction for block in blocks], axis=0)
@@ -400,4 +404,9 @@ def _surface_state(scene: Scene, blocks: list[PatchState], gap: Array) -> PatchS
     open_leakage = scene.unit_leakage * mean_gap**3 / 12
     # the cells of blocks stay in order, so that no flow through channels between cells is lost
     detours = np.zeros(len(carriers))
-    return PatchState(carriers, contact_fraction, detours, open_leakage)
+    return PatchState(
+        carriers=carriers,
+        contact_fraction=contact_fraction,
+        detours=detours,
+        open_leakage=open_leakage,
+    )

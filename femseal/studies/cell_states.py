@@ -106,7 +106,7 @@ class PatchLeakage(Shown):
     def relative(self) -> Array:
         """Ratio of the leakage of each patch to the mean leakage of all patches (patches,).
 
-        The ratio of a patch is its average over the loads at which the mean leakage is not negligible. If no patch
+        The ratio of each patch is averaged over the loads at which the mean leakage is not negligible. If no patch
         leaks, all ratios are 0.
         """
         mean = self.alone.mean(axis=0)
@@ -192,10 +192,11 @@ class FaceCells:
         Leakage of the grid of cells, in their order on the surface.
     carriers : array (steps,)
         Effective number of blocks that carry the flow through the surface, see `participation_number`; NaN at steps
-        without flow. The side of a block is the wavelength of a short wave of the surface.
+        without flow. The blocks are as large as the short waves of the surface.
     surface_k2, cells_k2 : array (steps,), m³
         Permeability along x2 of the whole surface (`surface_k2`) and of the grid of cells (`cells_k2`), averaged over
-        the measured patches. Both permeabilities are only needed if tiles take random cells; otherwise they are NaN.
+        the measured patches. `surface_k2` and `cells_k2` are only computed for seals whose tiles take random cells, and
+        NaN otherwise.
     edge_distance : array (steps,), m
         Mean distance of the points that yield from the edge of their contact patch, see `contact.mean_edge_distance`;
         NaN without a coating.
@@ -460,8 +461,8 @@ def choose_tabulated_pressures(
     spacing_factor : int
         Factor by which the default spacing of tabulated pressures and peak pressures is multiplied.
     """
-    peak = local_peaks(paths, steps)  # (step, path)
-    unloads = (paths < peak) & (not elastic)
+    peak = local_peaks(paths, steps)  # peak pressure of each path up to each step (step, path)
+    unloads = (paths < peak) & (not elastic)  # whether the path is unloaded at this step
     highest = float(paths.max())
     lowest = max(float(paths.min()), 0.0)
     peaks = _choose_peaks(peak[unloads], spacing_factor)
@@ -471,12 +472,13 @@ def choose_tabulated_pressures(
     for end in (lowest, highest):
         if (np.abs(end - required) > _SAME * required).all():
             required = np.append(required, end)
-    # pressures with evenly spaced cube roots, without those that are too close to a required pressure
+    # pressures with evenly spaced cube roots, without those that are too close to a required pressure; the cube roots
+    # are divided by the cube root of the highest pressure
     first_root = np.cbrt(lowest / highest) if highest > 0 else 0.0
     count = int(np.ceil((1 - first_root) / (spacing_factor * _SPACING))) + 1
-    even = highest * np.linspace(first_root, 1.0, count)[:-1, None] ** 3  # (pressure, 1)
-    is_apart = (np.abs(even - required) > _NEAR * required).all(axis=1)
-    loading = np.union1d(even[is_apart], required).tolist()
+    evenly_spaced = highest * np.linspace(first_root, 1.0, count)[:-1, None] ** 3  # (pressure, 1)
+    is_apart = (np.abs(evenly_spaced - required) > _NEAR * required).all(axis=1)
+    loading = np.union1d(evenly_spaced[is_apart], required).tolist()
     # on unloading, the fractions end with the first fraction that is not above the deepest unloading of a path
     deepest = (paths[unloads] / peak[unloads]).min(initial=1.0)
     above_deepest = sum(fraction > deepest for fraction in _UNLOADING_FRACTIONS)
@@ -490,18 +492,20 @@ def _choose_peaks(peaks: Array, spacing_factor: int) -> list[float]:
 
     The chosen peak pressures are returned in increasing order.
     """
-    # leave out peak pressures that are almost equal to a higher peak pressure
-    distinct: list[float] = []
+    distinct: list[
+        float
+    ] = []  # without peak pressures that are almost equal to a higher peak pressure
     for peak in np.unique(peaks)[::-1].tolist():  # from the highest to the lowest
         if not distinct or peak * (1 + _NEAR) < distinct[-1]:
             distinct.append(peak)
     if len(distinct) < 2:
         return distinct
-    values = np.array(distinct[::-1])
-    roots = np.cbrt(values / values[-1])  # relative to the highest peak
+    values = np.array(distinct[::-1])  # in increasing order
+    roots = np.cbrt(values / values[-1])  # divided by the cube root of the highest peak pressure
     count = int(np.ceil((1 - roots[0]) / (spacing_factor * _PEAK_SPACING))) + 1
     count = min(count, _MOST_PEAKS // spacing_factor)
     even_roots = np.linspace(roots[0], 1.0, count)
+    # for each evenly spaced cube root, the index of the nearest peak pressure; a peak may be nearest to several of them
     nearest_peak = np.abs(roots - even_roots[:, None]).argmin(axis=1)
     return np.unique(values[nearest_peak]).tolist()
 

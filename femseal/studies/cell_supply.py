@@ -138,12 +138,15 @@ class CellSupply:
         array (steps,)
             Average of the interpolated quantity over the pressure paths, at each load step.
         """
-        # the contact states belong to the load steps themselves, so that nothing has to be interpolated
         if self.cells.steps == self.scene.steps:
+            # All tiles have the pressures of the load steps, at which the contact was solved, see `supply_cells`. The
+            # quantity is known at every load step, and all paths have the same values.
             return values
-        contact_pressures = np.maximum(paths - mean_relief(self.scene), 0.0)
+        contact_pressures = np.maximum(paths - mean_relief(self.scene), 0.0)  # (step, path)
+        # `CellCurves` is made for permeabilities, but interpolates any quantity that decreases with the pressure
         curves = CellCurves(self.cells.steps, values)
-        return curves.k_on_paths(contact_pressures, self.scene.steps) @ weights
+        values_on_paths = curves.k_on_paths(contact_pressures, self.scene.steps)  # (step, path)
+        return values_on_paths @ weights
 
     def patch_state(self, open_leakage: Array) -> PatchState:
         """Return the contact state of the patch at each load step, for the width of the 95 % interval.
@@ -189,13 +192,23 @@ def supply_cells(
     if has_single_path and np.array_equal(contact_paths[:, 0], steps.pressures):
         # all tiles have the contact pressure of the load steps, so that nothing is interpolated
         cells = solve_cells_at_pressures(scene, cut, steps, mapper)
+        # (fluid pressure, axis, step, path, cell) with a single path
         k = cells.corrected_k.reshape(*cells.k.shape[:3], 1, -1)
     else:
         tabulated_steps = choose_tabulated_pressures(contact_paths, steps, scene.law.is_elastic)
         cells = solve_cells_at_pressures(scene, cut, tabulated_steps, mapper)
         k_on_contact_paths = interpolate_along_paths(cells, contact_paths, steps)
         k = fluid.select_matching_reliefs(k_on_contact_paths)
-    return CellSupply(scene, tiles, cells, k, fluid, path_of_tile, paths, scene.separated_steps)
+    return CellSupply(
+        scene=scene,
+        tiles=tiles,
+        cells=cells,
+        k=k,
+        fluid=fluid,
+        path_of_tile=path_of_tile,
+        paths=paths,
+        unsolved=scene.separated_steps,
+    )
 
 
 def _supply_in_order(scene: Scene, cut: Cut, tiles: SealTiles, mapper: Mapper) -> CellSupply:
@@ -206,8 +219,19 @@ def _supply_in_order(scene: Scene, cut: Cut, tiles: SealTiles, mapper: Mapper) -
         without_spiral = replace(scene, layout=RectangularLayout())
     cells = cut_into_cells(without_spiral, cut, mapper).cells
     assert cells is not None
-    k = cells.k.reshape(*cells.k.shape[:3], 1, -1)  # a single path
+    # (fluid pressure, axis, step, path, cell) with a single path. The correction factors are not needed, because the
+    # leakage of each realisation is corrected as a whole, see `stochastic_study`.
+    k = cells.k.reshape(*cells.k.shape[:3], 1, -1)
     fluid = TileFluid(tuple(scene.flow.drop.pressures))
     path_of_tile = np.zeros(tiles.count, np.int64)
     paths = scene.steps.pressures[:, None]
-    return CellSupply(scene, tiles, cells, k, fluid, path_of_tile, paths, cells.unsolved)
+    return CellSupply(
+        scene=scene,
+        tiles=tiles,
+        cells=cells,
+        k=k,
+        fluid=fluid,
+        path_of_tile=path_of_tile,
+        paths=paths,
+        unsolved=cells.unsolved,
+    )

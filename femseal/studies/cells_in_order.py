@@ -61,19 +61,21 @@ def cells_permeability_along_x2(scene: Scene, cut: Cut, k: Array, boundary: str)
     """
     # Exchange the axes, because `cells_in_order` solves the flow along the first axis: x2 becomes the first axis.
     k_x2_first = k[:, ::-1].swapaxes(-1, -2)
-    drops_times_k, widths = [], []
+    length_x1 = scene.surface.size[0]
+    # The leakage per unit length of a patch of the width w is k Δφ/w, where Δφ is the difference of the pressure
+    # potential between inlet and outlet, divided by the reference density. `unit_leakage` is Δφ/length_x1 for k = 1 m³.
+    potential_difference = scene.unit_leakage * length_x1
+    products, widths = [], []  # k Δφ and w of each patch
     for columns in cut.patch_columns:
-        width = (cut.columns[columns.stop] - cut.columns[columns.start]) * cut.spacing[1]
-        size = width, scene.surface.size[0]
-        flow = cells_in_order(scene, size, k_x2_first[:, :, columns], boundary)
-        # leakage per unit length = k · (drop of the pressure potential) / width
-        drops_times_k.append(flow.per_length * width)
+        point_count = cut.columns[columns.stop] - cut.columns[columns.start]
+        width = point_count * cut.spacing[1]
+        patch_k = k_x2_first[:, :, columns]
+        flow = cells_in_order(scene, (width, length_x1), patch_k, boundary)
+        products.append(flow.per_length * width)
         widths.append(width)
-    # unit leakage = 1 m³ · (drop of the pressure potential) / breadth of the surface
-    potential_drop = scene.unit_leakage * scene.surface.size[0]
-    if potential_drop == 0:
+    if potential_difference == 0:
         return np.nan
-    return float(np.average(drops_times_k, weights=widths)) / potential_drop
+    return float(np.average(products, weights=widths)) / potential_difference
 
 
 def flow_in_order(

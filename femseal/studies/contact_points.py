@@ -165,8 +165,9 @@ class ContactPoints:
             p = np.minimum(start * (load / start.mean()), yield_pressure)
         direction, previous_norm = np.zeros(n), 0.0
         for _ in range(_MOST_ITERATIONS):
-            separation, slope = layer(p)
-            weight = 1 / (self._point_compliance - slope)
+            separation, slope = layer(p)  # the slope ds/dp is negative
+            weight = 1 / (self._point_compliance - slope)  # preconditioner
+            # distance of the smooth bodies minus separation of the rough layer; 0 at free points of the solution
             residual = depth + self.displacement(p) - separation
             free = (p > 0) & (p < yield_pressure)
             if not free.any():
@@ -182,12 +183,17 @@ class ContactPoints:
             change = float(np.abs(correction[free | freed]).max()) / load
             if change <= _RTOL:
                 opening = np.where(p > 0, 0.0, np.maximum(residual + separation - touch, 0.0))
+                # where the bodies yield, they are indented until they no longer overlap
                 sinks = np.where(p == yield_pressure, np.maximum(-residual, 0.0), 0.0)
                 separation = np.where(p > 0, separation, touch + opening)
                 return PointSolution(p, separation, opening, sunk + sinks)
             correction[~free] = 0.0
-            norm = -float(residual @ correction)
-            beta = norm / previous_norm if previous_norm else 0.0
+            norm = -float(
+                residual @ correction
+            )  # squared norm of the residual, with the preconditioner as weight
+            beta = (
+                norm / previous_norm if previous_norm else 0.0
+            )  # Fletcher-Reeves; 0 restarts the iteration
             direction = correction + beta * np.where(free, direction, 0.0)
             direction_displacement = self.displacement(direction)
             slope_at = partial(

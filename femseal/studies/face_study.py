@@ -129,8 +129,10 @@ def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
     """
     touches = row_pressure > 0
     n1 = touches.shape[1]
-    # argmax returns the number of rows before the first contact, counted from the inlet or from the outlet
-    rows_of_band = n1 - touches.argmax(axis=1) - touches[:, ::-1].argmax(axis=1)
+    # `argmax` returns the index of the first row with contact, which is the number of rows outside of the band
+    rows_before_band = touches.argmax(axis=1)  # counted from the inlet
+    rows_after_band = touches[:, ::-1].argmax(axis=1)  # counted from the outlet
+    rows_of_band = n1 - rows_before_band - rows_after_band
     return {
         "row_pressure": row_pressure,
         "band_breadth": np.where(touches.any(axis=1), rows_of_band, 0) * spacing,

@@ -109,10 +109,10 @@ class Difficulty:
       representative than at a higher load. The coefficient l describes the additional error in light contact.
     - The error of ln(leakage) grows with the contact fraction A. The coefficient g describes how fast the error grows.
     - The detour index F measures the flow through channels that lead from one cell to the next. The coefficient d
-      describes the additional error due to these channels. In a seal with cells in order, the channels of the patch
-      continue from one copy of the patch to the next, so that the real seal may leak less than the computed one. In a
-      seal with cells at random, the channels are interrupted at the sides of the cells, so that the real seal may leak
-      more than the computed one.
+      describes the additional error due to channels between cells. In a seal with cells in order, the channels of the
+      patch continue from one copy of the patch to the next, so that the real seal may leak less than the computed one.
+      In a seal with cells at random, the channels are interrupted at the sides of the cells, so that the real seal may
+      leak more than the computed one.
 
     Parameters
     ----------
@@ -125,8 +125,8 @@ class Difficulty:
         Coefficient d of the detour index: `detours_below` for the lower end of the 95 % interval, `detours_above` for
         the upper end.
     largest_ratio : float
-        Largest upper end of an interval, as a multiple of the leakage of an open seal. If twice the computed leakage is
-        larger than this multiple, the upper end is limited to twice the computed leakage instead.
+        Limit of the upper end of an interval, divided by the leakage of an open seal. If twice the computed leakage is
+        larger than this limit, the upper end is limited to twice the computed leakage.
     fraction : float
         Fraction of the true leakages in the calibration set that the calibrated intervals must contain.
     """
@@ -149,7 +149,10 @@ class Difficulty:
         detours = np.where(np.isnan(state.detours), _SEALED_DETOURS, state.detours)
         contact = state.contact_fraction
         # factors that are the same for the lower and the upper end, see the formula in the docstring of the class
-        common = error_of_few_carriers(carriers) * (1 + self.light / (contact + 0.003))
+        light_contact = 1 + self.light / (
+            contact + 0.003
+        )  # 0.003 limits the factor as A approaches 0
+        common = error_of_few_carriers(carriers) * light_contact
         below = common * np.exp(self.below * contact) * (1 + self.detours_below * detours)
         above = common * np.exp(self.above * contact) * (1 + self.detours_above * detours)
         return below, above
@@ -212,7 +215,7 @@ class IntervalWidths:
         Number of simulated scenes of this kind in the calibration set.
     below, above : float
         Quantiles of the scores, for the lower and for the upper end of the intervals. The distances that
-        `Difficulty.distances` returns are multiplied by these quantiles.
+        `Difficulty.distances` returns are multiplied by the quantiles.
     """
 
     kind: str
@@ -242,28 +245,47 @@ class IntervalWidths:
         leakage = np.array([float(row["leakage"]) for row in rows])
         truth = np.array([float(row["truth"]) for row in rows])
         difficulty = DIFFICULTY[kind]
-        unit_below, unit_above = difficulty.distances(state_of_rows(rows))
+        expected_below, expected_above = difficulty.distances(state_of_rows(rows))
         error_below, error_above = distances_to_truth(leakage, truth)
-        is_open = leakage > 0
-        # the interval may miss the fraction 1 − f of the true leakages: (1 − f)/2 at each of its two ends
-        level = (1 + difficulty.fraction) / 2
-        below = weighted_quantile((error_below / unit_below)[is_open], scene[is_open], level)
-        above = weighted_quantile((error_above / unit_above)[is_open], scene[is_open], level)
-        return cls(kind, np.unique(scene).size, max(0.0, below), max(0.0, above))
+        score_below = error_below / expected_below
+        score_above = error_above / expected_above
+        # The interval may miss the fraction 1 − f of the true leakages: (1 − f)/2 at each of its two ends. The other
+        # 1 − (1 − f)/2 = (1 + f)/2 of the scores must be below the quantile.
+        fraction = (1 + difficulty.fraction) / 2
+        is_open = (
+            leakage > 0
+        )  # a sealed state has no ln(leakage); its interval is calibrated by `sealed_end`
+        below = weighted_quantile(score_below[is_open], scene[is_open], fraction)
+        above = weighted_quantile(score_above[is_open], scene[is_open], fraction)
+        return cls(
+            kind=kind,
+            scenes=np.unique(scene).size,
+            below=max(0.0, below),
+            above=max(0.0, above),
+        )
 
     def ends(self, leakage: Array, state: PatchState) -> tuple[Array, Array]:
         """Return the lower and the upper end of the interval of the absolute leakage (steps,) [m²/s].
 
-        In a sealed contact state, the interval extends from 0 to `sealed_end` times the leakage of an open seal.
+        With the computed leakage Q, the quantiles b and a of the scores, and the expected errors e_b and e_a of
+        ln(leakage), the interval extends from Q exp(−b e_b) to Q exp(a e_a). There are four exceptions:
+
+        - A lower end below `LEAST_TRUTH` times the leakage of an open seal is replaced by 0, because the seal may be
+          sealed.
+        - The upper end is computed with at least `LEAST_KNOWN` times the leakage of an open seal instead of Q, because
+          the size of a very small leakage says little.
+        - The upper end is limited to `largest_ratio` times the leakage of an open seal, or to 2 Q if 2 Q is larger.
+        - In a sealed contact state, the interval extends from 0 to `sealed_end` times the leakage of an open seal.
+
+        leakage : leakage Q at each load step (steps,) [m²/s], NaN if unknown.
         """
-        unit_below, unit_above = DIFFICULTY[self.kind].distances(state)
+        difficulty = DIFFICULTY[self.kind]
+        expected_below, expected_above = difficulty.distances(state)
         q, open_leakage = np.abs(leakage), np.abs(state.open_leakage)
-        lower = q * np.exp(-self.below * unit_below)
-        # a lower end that is negligible compared with an open seal means that the seal may be sealed
+        lower = q * np.exp(-self.below * expected_below)
         lower = np.where(lower < LEAST_TRUTH * open_leakage, 0.0, lower)
-        # the size of a very small leakage says little, so that the upper end is computed from at least `LEAST_KNOWN`
-        upper = np.maximum(q, LEAST_KNOWN * open_leakage) * np.exp(self.above * unit_above)
-        limit = np.maximum(DIFFICULTY[self.kind].largest_ratio * open_leakage, 2 * q)
+        upper = np.maximum(q, LEAST_KNOWN * open_leakage) * np.exp(self.above * expected_above)
+        limit = np.maximum(difficulty.largest_ratio * open_leakage, 2 * q)
         upper = np.where(q == 0, sealed_end() * open_leakage, np.minimum(upper, limit))
         return lower, np.where(np.isnan(q), np.nan, upper)
 
@@ -281,13 +303,15 @@ def distances_to_truth(leakage: Array, truth: Array) -> tuple[Array, Array]:
     below, above : array (rows,)
         Smallest distance from ln(leakage) to the lower end of the interval (`below`) and to the upper end (`above`),
         for which the interval contains the true leakage. If the true leakage is above the computed leakage, the
-        distance `below` is negative; if it is lower, `above` is negative.
+        distance `below` is negative. If the true leakage is below the computed leakage, the distance `above` is
+        negative.
     """
     with np.errstate(divide="ignore"):
-        # The lower end must not be above the true leakage. `IntervalWidths.ends` replaces a lower end below
-        # `LEAST_TRUTH` by 0, so that an end of `LEAST_TRUTH` is low enough for any smaller true leakage.
-        highest_end = np.where(truth >= LEAST_TRUTH, truth, np.minimum(leakage, LEAST_TRUTH))
-        below = np.log(leakage / np.where(highest_end > 0, highest_end, 1.0))
+        # Largest lower end that contains the true leakage. `IntervalWidths.ends` replaces a lower end below
+        # `LEAST_TRUTH` by 0. For a true leakage below `LEAST_TRUTH`, a lower end of `LEAST_TRUTH` is therefore low
+        # enough. In a sealed state (leakage 0), the largest lower end is 0; 1 is inserted to avoid a division by 0.
+        largest_lower_end = np.where(truth >= LEAST_TRUTH, truth, np.minimum(leakage, LEAST_TRUTH))
+        below = np.log(leakage / np.where(largest_lower_end > 0, largest_lower_end, 1.0))
         # the upper end is computed from at least `LEAST_KNOWN`, as in `IntervalWidths.ends`
         above = np.log(truth / np.maximum(leakage, LEAST_KNOWN))
     return below, above
@@ -301,7 +325,12 @@ def state_of_rows(rows: Sequence[Mapping[str, str]]) -> PatchState:
     """
     names = "carriers", "contact", "detours"
     carriers, contact, detours = (np.array([float(row[name]) for row in rows]) for name in names)
-    return PatchState(carriers, contact, detours, np.ones(len(rows)))
+    return PatchState(
+        carriers=carriers,
+        contact_fraction=contact,
+        detours=detours,
+        open_leakage=np.ones(len(rows)),
+    )
 
 
 def weighted_quantile(score: Array, scene: Array, fraction: float) -> float:
@@ -320,8 +349,9 @@ def weighted_quantile(score: Array, scene: Array, fraction: float) -> float:
         Fraction of the total weight that belongs to scores up to the quantile, such as 0.95. For fractions above
         n/(n + 1), the quantile is an unknown score of the new scene; the largest known score is returned instead.
     """
-    _, scene_number = np.unique(scene, return_inverse=True)
-    steps_of_scene = np.bincount(scene_number)
+    _, scene_number = np.unique(scene, return_inverse=True)  # index of the scene of each load step
+    steps_of_scene = np.bincount(scene_number)  # number of load steps of each scene
+    # weight of each load step: 1/(n + 1) for its scene, divided by the number of load steps of the scene
     weight = 1.0 / (steps_of_scene[scene_number] * (steps_of_scene.size + 1))
     order = np.argsort(score, kind="stable")
     cumulative_weight = np.cumsum(weight[order])
@@ -358,8 +388,9 @@ def sealed_end() -> float:
 def interval_widths(kind: str, patches: int = 1) -> IntervalWidths:
     """Return the calibrated widths of the 95 % intervals for a kind of computation and a number of measured patches.
 
-    For two or more patches, the widths are calibrated with leakages that were computed from two patches together. For a
-    kind of computation without such leakages in the calibration set, the widths for a single patch are returned.
+    For two or more patches, the widths are calibrated with leakages that were computed from two patches together. If
+    the calibration set contains no leakages from two patches for a kind of computation, the widths for a single patch
+    are returned.
     """
     rows = calibration_rows(kind)
     has_two = any(row["patch"] == _BOTH_PATCHES for row in rows)

@@ -30,8 +30,8 @@ class PatchState:
     Parameters
     ----------
     carriers : array (steps,)
-        Effective number of blocks that carry the flow, see `face.flow_concentration`; NaN in a sealed state. The side
-        of a block is the wavelength of a short wave of the surface.
+        Effective number of blocks that carry the flow, see `face.flow_concentration`; NaN in a sealed state. The blocks
+        are as large as the short waves of the surface.
     contact_fraction : array (steps,)
         Fraction of the patch in contact.
     detours : array (steps,)

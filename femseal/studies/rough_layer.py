@@ -96,29 +96,44 @@ class RoughLayer:
         loading = programme.pressures[programme.on_loading]
         peaks = np.array(programme.unload_from)
         gap_on_loading, gap_on_unloading = np.split(np.array(gaps), [loading.size])
-        # the steps on unloading follow peak by peak, with the same fractions for each peak pressure
+        # The steps on unloading follow peak by peak, with the same fractions for each peak pressure: (peak, fraction).
+        # The first and the last fraction of `_RELEASED` are not solved.
         gap_on_unloading = gap_on_unloading.reshape(peaks.size, _RELEASED.size - 2)
-        gap_at_peak = gap_on_loading[np.searchsorted(loading, peaks), None]
-        recovery = np.zeros((peaks.size, _RELEASED.size))  # (peak, fraction)
+        gap_at_peak = gap_on_loading[np.searchsorted(loading, peaks), None]  # (peak, 1)
+        recovery = np.zeros(
+            (peaks.size, _RELEASED.size)
+        )  # (peak, fraction); 0 at the peak pressure
         recovery[:, 1:-1] = gap_on_unloading - gap_at_peak
         # As the pressure falls, the recovery grows in proportion to −ln(pressure), which has no limit at pressure 0.
         # The recovery at pressure 0 is therefore set to the recovery extrapolated to 1/e times the lowest solved
-        # pressure.
+        # pressure: the last solved recovery plus its growth when the pressure falls by the factor e.
         growth_per_factor_e = np.diff(recovery[:, -3:-1]) / np.log(_RELEASED[-3] / _RELEASED[-2])
         recovery[:, -1:] = recovery[:, -2:-1] + growth_per_factor_e
         heights = scene.surface.heights
+        # the highest point just touches a plane at this distance from the mean plane
         gap_at_first_touch = heights.max() - heights.mean()
         separation = np.array([[gap_at_first_touch, *gap_on_loading]])
-        return cls(np.array([0.0, *loading]), separation, peaks, recovery[None])
+        return cls(
+            pressure=np.array([0.0, *loading]),
+            separation=separation,
+            peaks=peaks,
+            recovery=recovery[None],  # a single surface
+        )
 
     def on_loading(self, p: Array) -> tuple[Array, Array]:
-        """Return the separation s [m] and ds/dp [m/Pa] on loading, at the pressures p (points,) [Pa]."""
+        """Return the separation s [m] and ds/dp [m/Pa] on loading, at the pressures p (points,) [Pa].
+
+        Between two tabulated pressures, s is a cubic Hermite polynomial in t, s = s₀ + m₀ t + b t² + c t³, where t
+        increases from 0 to 1 with the logarithm of the pressure. The coefficients follow from the values s₀, s₁ and the
+        slopes m₀, m₁ at both ends: b = 3 (s₁ − s₀) − 2 m₀ − m₁ and c = m₀ + m₁ − 2 (s₁ − s₀). Below the lowest and
+        above the highest tabulated pressure, s is a straight line in the pressure.
+        """
         surface = self.surface_number
-        first, last = self.pressure[[1, -1]]
-        # a straight line below the first pressure that is not 0, and another straight line above the last pressure
-        inside = np.clip(p, first, last)
-        x = np.log(inside)
+        first, last = self.pressure[[1, -1]]  # tabulated pressures without the pressure 0
+        tabulated_p = np.clip(p, first, last)
+        x = np.log(tabulated_p)
         nodes = np.log(self.pressure[1:])
+        # interval n lies between the nodes n and n + 1, whose separations have the indices n + 1 and n + 2
         interval = np.clip(np.searchsorted(nodes, x, side="right") - 1, 0, nodes.size - 2)
         width = np.diff(nodes)[interval]
         t = (x - nodes[interval]) / width
@@ -126,15 +141,15 @@ class RoughLayer:
         rise = self.separation[surface, interval + 2] - start
         start_slope = width * self._node_slopes[surface, interval]
         end_slope = width * self._node_slopes[surface, interval + 1]
-        # cubic with the given values and slopes at both ends, and its derivative with respect to t
         quadratic = 3 * rise - 2 * start_slope - end_slope
         cubic = start_slope + end_slope - 2 * rise
         separation = start + t * (start_slope + t * (quadratic + t * cubic))
-        derivative = start_slope + t * (2 * quadratic + t * 3 * cubic)
-        slope = derivative / (width * inside)
+        ds_dt = start_slope + t * (2 * quadratic + t * 3 * cubic)
+        slope = ds_dt / (width * tabulated_p)  # ds/dp, because dt/dp = 1/(width · p)
+        # straight line from pressure 0 to the first tabulated pressure
         line_slope = (self.separation[surface, 1] - self.separation[surface, 0]) / first
         slope = np.where(p < first, line_slope, slope)
-        return separation + slope * (p - inside), slope
+        return separation + slope * (p - tabulated_p), slope
 
     @cached_property
     def _node_slopes(self) -> Array:
@@ -162,15 +177,17 @@ class RoughLayer:
         safe_peak = np.maximum(peak, 1e-9 * self.peaks[0])  # for the logarithm and the division
         # position of each peak pressure among the tabulated ones, such as 0.5 midway between the first two
         position = np.interp(np.log(safe_peak), np.log(self.peaks), np.arange(self.peaks.size))
-        lower = np.minimum(position.astype(int), self.peaks.size - 2)
-        weight_of_upper = position - lower
+        lower_peak = np.minimum(
+            position.astype(int), self.peaks.size - 2
+        )  # index of the next lower tabulated peak
+        weight_of_upper = position - lower_peak
         # Interval n lies between the fractions n and n + 1. `_RELEASED` decreases, but `searchsorted` needs increasing
         # values, so that both arguments change their sign.
         interval = np.searchsorted(-_RELEASED, -p / safe_peak, side="left") - 1
         interval = np.clip(interval, 0, _RELEASED.size - 2)
         ends = np.array([interval, interval + 1])  # (end of the interval, point)
-        at_lower_peak = self.recovery[self.surface_number, lower, ends]
-        at_upper_peak = self.recovery[self.surface_number, lower + 1, ends]
+        at_lower_peak = self.recovery[self.surface_number, lower_peak, ends]
+        at_upper_peak = self.recovery[self.surface_number, lower_peak + 1, ends]
         recovery_at_ends = at_lower_peak + weight_of_upper * (at_upper_peak - at_lower_peak)
         recovery_at_start, recovery_at_end = recovery_at_ends
         change = recovery_at_end - recovery_at_start
@@ -179,7 +196,7 @@ class RoughLayer:
         separation_at_peak, _ = self.on_loading(peak)
         pressure_at_start = _RELEASED[interval] * safe_peak
         separation = separation_at_peak + recovery_at_start + slope * (p - pressure_at_start)
-        above_peak = p >= peak
+        above_peak = p >= peak  # the point is loaded beyond its peak pressure
         loading_separation, loading_slope = self.on_loading(p)
         return (
             np.where(above_peak, loading_separation, separation),

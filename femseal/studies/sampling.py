@@ -176,18 +176,22 @@ def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
     path_of_tile : array (tiles,)
         Index of the pressure path of each tile.
     """
-    differs_by_step = np.ptp(fractions, axis=0).any()
-    most_paths = MOST_OF_SEVERAL if differs_by_step else MOST_PATHS
-    rounded = fractions  # (step, tile); tiles with equal columns share a path
-    levels = float(MOST_PATHS)
+    has_several_maps = np.ptp(
+        fractions, axis=0
+    ).any()  # the fraction of a tile varies with the load step
+    most_paths = MOST_OF_SEVERAL if has_several_maps else MOST_PATHS
+    rounded = fractions  # (step, tile); tiles with equal columns share a path; not rounded at first
+    value_count = float(
+        MOST_PATHS
+    )  # number of equidistant values to which the cube roots are rounded
     while True:
         _, path_of_tile = np.unique(rounded, axis=1, return_inverse=True)
         path_of_tile = path_of_tile.reshape(-1)
-        tiles_of_path = np.bincount(path_of_tile)
+        tiles_of_path = np.bincount(path_of_tile)  # number of tiles on each path
         if tiles_of_path.size <= most_paths:
             break
-        rounded = np.rint(np.cbrt(fractions / fractions.max()) * (levels - 1))
-        levels *= 0.8
+        rounded = np.rint(np.cbrt(fractions / fractions.max()) * (value_count - 1))
+        value_count *= 0.8  # if there are still too many paths, the next pass rounds more coarsely
     # mean over the tiles of each path, step by step
     sums = (np.bincount(path_of_tile, fractions_at_step) for fractions_at_step in fractions)
     paths = np.array([sums_at_step / tiles_of_path for sums_at_step in sums])
@@ -232,7 +236,7 @@ def _field_means(
 ) -> list[tuple[float | None, float]]:
     """Return pairs (load, mean pressure over the seal) [Pa] of all pressure fields in a pressure map.
 
-    The load is the load at which the pressure field is valid, or None if the pressure field is valid at all loads.
+    A pressure field is valid at the load in its pair. A pressure field that is valid at all loads has the load None.
     """
     seal = seal_for_maps(scene.layout, tiles)
     maps_at_loads: Iterable[tuple[float | None, Any]] = [(None, pressure_map)]
@@ -341,7 +345,7 @@ class TileFluid:
         return np.concatenate(list(contact_pressures), axis=1)
 
     def select_matching_reliefs(self, k: Array) -> Array:
-        """Select the permeabilities in which the relief belongs to the fluid pressure.
+        """Select, for each fluid pressure, the permeabilities with the relief by this fluid pressure.
 
         Parameters
         ----------
@@ -359,9 +363,10 @@ class TileFluid:
             return k
         # (fluid pressure, axis, step, relief, path, cell)
         by_relief = k.reshape(*k.shape[:3], self.relief.size, -1, k.shape[-1])
+        # fluid pressure n causes relief n, so that both indices are n, unless the first axis has length 1
         depends_on_pressure = len(k) > 1
         selected = []
-        for n in range(self.relief.size):
-            pressure = n if depends_on_pressure else 0
-            selected.append(by_relief[pressure, :, :, n])
+        for n_relief in range(self.relief.size):
+            n_pressure = n_relief if depends_on_pressure else 0
+            selected.append(by_relief[n_pressure, :, :, n_relief])
         return np.array(selected)

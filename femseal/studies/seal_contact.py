@@ -14,10 +14,10 @@ flattened, the solids under the roughness yield at a fixed pressure and are perm
 deviation that does not vary along the seal is solved in plane strain.
 
 The uniform part p₀ of the pressure is the smallest mean pressure of a row of points along the seal. The model neglects
-the deformation of the bodies by the uniform part p₀. A seal without form deviation therefore has a uniform pressure, as
-in all other studies. With the deformation by p₀, the same seal would act as a flat punch, with up to three times the
-mean pressure at its edges. If the contact band does not reach the edges of the seal, p₀ is 0, and the contact is
-computed exactly as for two half-spaces.
+the deformation of the bodies by the uniform part p₀. In this model, a seal without form deviation has a uniform
+pressure, as in all other studies. With the deformation by p₀, the same seal would act as a flat punch, with up to three
+times the mean pressure at its edges. If the contact band does not reach the edges of the seal, p₀ is 0, and the contact
+is computed exactly as for two half-spaces.
 
 Source of the model of a rough layer on smooth bodies: Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153.
 """
@@ -137,6 +137,7 @@ def solve_seal_contact(
     """
     grid, depth = sample_form(scene, tiles, forms)
     d1, d2 = grid.spacing
+    # a single column is solved in plane strain, which does not depend on the spacing along the seal
     spacing = d1, d2 if depth.shape[1] > 1 else d1
     body = HalfSpace(depth.shape, spacing, scene.modulus, grid.boundary)
     inside = np.isfinite(depth)
@@ -172,10 +173,11 @@ def remove_waves_of_forms(scene: Scene, cut: Cut, forms: Sequence[SealForm]) -> 
     The cut-off wavelength of the filter is the larger of two lengths: the shortest wavelength of the forms, and twice
     the longer side of a cell.
     """
-    shortest = max(min((form.shortest_wave for form in forms), default=inf), 2 * max(cut.size))
-    if shortest >= 2 * max(scene.surface.shortest_patch.size):
-        return scene
-    return replace(scene, surface=scene.surface.high_pass(shortest))
+    shortest_of_forms = min((form.shortest_wave for form in forms), default=inf)
+    cut_off = max(shortest_of_forms, 2 * max(cut.size))
+    if cut_off >= 2 * max(scene.surface.shortest_patch.size):
+        return scene  # the surface contains no waves that are longer than the cut-off wavelength
+    return replace(scene, surface=scene.surface.high_pass(cut_off))
 
 
 def sample_form(
@@ -206,7 +208,8 @@ def sample_form(
 
     grid = ContactGrid.over(tiles, frame)
     heights = heights_on(grid)
-    if tiles.grid is not None:  # a strip or a ring
+    # a form that does not vary along a strip or a ring is sampled again, on more rows and a single column
+    if tiles.grid is not None:
         variation_along_seal = np.ptp(heights, axis=1).max()
         if variation_along_seal <= _SAME_DEPTH * np.ptp(heights):
             grid = ContactGrid.over(tiles, frame, profile=True)

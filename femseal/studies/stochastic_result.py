@@ -93,26 +93,31 @@ class MedianSeal(Shown):
 
 
 def find_median_realisation(leakage: Array) -> int | None:
-    """Return the number of the realisation whose leakage is nearest to the median leakage; None if not defined.
+    """Return the number of the median realisation, whose leakage is nearest to the median leakage.
 
     The distance of a realisation from the median is the mean of |ln(leakage/median leakage)| over the load steps. The
-    mean does not include load steps at which all realisations failed or the median leakage is negligible. The median
-    realisation is not defined if all realisations are sealed, or if every realisation failed at some load step at which
-    other realisations were solved.
+    mean does not include load steps at which all realisations failed or the median leakage is negligible. None is
+    returned if all realisations are sealed, or if every realisation failed at some load step at which other
+    realisations were solved.
 
     leakage : leakage of each realisation at each load step (realisations, steps).
     """
-    solved_steps = np.isfinite(leakage).any(axis=0)
+    solved_steps = np.isfinite(leakage).any(
+        axis=0
+    )  # steps at which at least one realisation was solved
     magnitude = np.abs(leakage[:, solved_steps])  # (realisation, step)
-    is_complete = np.isfinite(magnitude).all(axis=1)
+    is_complete = np.isfinite(magnitude).all(
+        axis=1
+    )  # realisations that were solved at all of these steps
     if not magnitude.size or not is_complete.any():
         return None
     median = np.median(magnitude[is_complete], axis=0)
-    leaks = median > FLOOR * median.max()
+    leaks = median > FLOOR * median.max()  # steps at which the median leakage is not negligible
     if not leaks.any():
         return None
     with np.errstate(divide="ignore"):
         distance = np.abs(np.log(magnitude[:, leaks] / median[leaks])).mean(axis=1)
+    # the distance is NaN for a realisation that failed at one of the steps
     return int(np.argmin(np.where(np.isnan(distance), np.inf, distance)))
 
 
@@ -150,7 +155,8 @@ class StochasticResult(Shown):
         Fields of the realisation whose leakage is nearest to the median; None for very large seals and for sealed
         seals.
     failures : tuple of str
-        One sentence for each failure of a solver. The affected values are NaN or omitted from averages.
+        One sentence for each failure of a solver. Values that a failed solver should have computed are NaN or are
+        omitted from averages.
     warnings : tuple of str
         One sentence for each result that is not plausible.
     quick_estimate : QuickEstimate, optional

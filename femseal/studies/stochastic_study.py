@@ -235,6 +235,7 @@ def _realise(realisation: int, *, supply: CellSupply, seed: int) -> _Realisation
     cells_leakage = supply.cells.cells_leakage
     for s in supply.solved_steps:
         if supply.tiles.in_order and cells_leakage[s] == 0:
+            # the grid of cells is sealed, so that Q_t/Q_c is not defined
             leakage[s] = surface_leakage[s]
             continue
         _, flow = supply.solve_flow(cell_of_tile, s)
@@ -293,10 +294,13 @@ def _fields_of_realisation(realisation: int, *, supply: CellSupply, seed: int) -
         k[s], fluid_pressure[s] = tiles.element_means(permeability, flow.fluid_pressure)
         potential = scene.fluid.potential(flow.fluid_pressure) / scene.fluid.reference_density
         flux[s] = tiles.flux(permeability, potential, flow.volume_rate)
+    # mean contact pressure of the tile to which each element belongs (step, element)
     if tiles.in_order:
+        # the contact of each cell was solved at the load steps
         cell_pressure = supply.cells.pressure.reshape(len(scene.steps), -1)  # (step, cell)
         pressure = cell_pressure[:, cell_of_tile[tiles.tile]]
     else:
+        # nominal pressure of the tile, minus the pressure that the fluid carries
         pressure = supply.paths[:, supply.path_of_tile[tiles.tile]]
         fluid = scene.acting_fluid
         if fluid is not None:
@@ -304,12 +308,12 @@ def _fields_of_realisation(realisation: int, *, supply: CellSupply, seed: int) -
             pressure = np.maximum(pressure - relief, 0.0)
     elements = tiles.unrepeated_elements
     return MedianSeal(
-        realisation,
-        tiles.outlines[elements],
-        k[:, elements],
-        fluid_pressure[:, elements],
-        flux[:, elements],
-        pressure[:, elements],
+        realisation=realisation,
+        outlines=tiles.outlines[elements],
+        permeability=k[:, elements],
+        fluid_pressure=fluid_pressure[:, elements],
+        flux=flux[:, elements],
+        pressure=pressure[:, elements],
     )
 
 

@@ -245,9 +245,9 @@ def test_faults_of_sizes():
         ring(outer=1e-3 + 0.5 * A)
     with pytest.raises(InputError, match="a mesh can have tiles of equal width"):
         ring(inner=1e-5)
-    with pytest.raises(InputError, match="cross it within a turn"):
+    with pytest.raises(InputError, match="cross the seal within a turn"):
         wide(lay={"kind": "spiral", "lead": 5 * A})
-    assert "too close together" in ring(inner=2e-4, outer=8e-4).warnings[0]
+    assert "too narrow" in ring(inner=2e-4, outer=8e-4).warnings[0]
 
 
 def test_the_cells_of_a_face_lie_in_their_order():
