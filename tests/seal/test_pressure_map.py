@@ -128,7 +128,11 @@ def test_a_linear_field_is_met_exactly_and_a_smooth_one_with_order_two():
 @pytest.mark.parametrize(
     ("cells", "seal", "message"),
     [
-        ((4, 48), ring(5e-3, 15e-3), r"given x -0.015 to 0.015 m.* expected a pressure field that covers the s"),
+        (
+            (4, 48),
+            ring(5e-3, 15e-3),
+            r"given x -0.015 to 0.015 m.* expected a pressure field that covers the s",
+        ),
         ((4, 48), ring(10e-3, 16e-3), "expected a pressure field that covers the seal"),
         ((12, 600), ring(9e-3, 14e-3, (100, 400)), "without points of the seal such as"),
         ((4, 24), ring(cells=(40, 480)), None),  # chords cover the arcs that they cut
