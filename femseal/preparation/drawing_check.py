@@ -54,7 +54,7 @@ def drawing_warnings(case: Case, surface: Surface) -> Iterator[str]:
 
 
 def _roughness(case: Case, surface: Surface) -> ProfileRoughness | None:
-    """Return Ra and Rz of a single generated face that is not flat, or None for any other surface."""
+    """Return Ra and Rz of a surface with a single generated face that is not flat; None for any other surface."""
     if len(case.face) != 1 or not isinstance(surface, Topography) or not surface.rms_slope:
         return None
     (face,) = case.face
@@ -66,8 +66,9 @@ def _roughness(case: Case, surface: Surface) -> ProfileRoughness | None:
 def spacing_of_periodic_marks(face: Face) -> float | None:
     """Return the spacing [m] of the machining marks of a face, or None if the profile across the marks is irregular.
 
-    The standards choose the long-wave filter of periodic profiles, such as turned ones, by this spacing, and that of
-    irregular profiles, such as ground ones, by their roughness.
+    The spacing determines the long-wave filter in the measurement of Ra and Rz. By the standards, the filter for a
+    periodic profile, such as the profile of a turned face, is chosen by the spacing of the marks. The filter for an
+    irregular profile, such as the profile of a ground face, is chosen by the roughness.
     """
     if isinstance(face, TurnedFace) and face.feed_error < _IRREGULAR:
         return face.pitch

@@ -378,7 +378,7 @@ def _result_warnings(
 
 
 def _edge_distance(supply: CellSupply) -> Array:
-    """Interpolate the mean edge distance [m] at the nominal pressures, on loading; NaN at other steps."""
+    """Interpolate the mean edge distance [m] at the load steps on loading; NaN at load steps on unloading."""
     cells, steps = supply.cells, supply.scene.steps
     is_known = cells.steps.on_loading
     interpolated = np.interp(
