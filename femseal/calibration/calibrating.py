@@ -206,38 +206,37 @@ def calibrate(
 
 
 def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> Array:
-    """Return the ranges of hardness, shortest wave and factor in SI units, (3, 2), by default around the case.
+    """Return the ranges of hardness, shortest wave and factor in SI units, (3, 2).
+
+    A range that is not given extends around the value of the case by the factor in `WIDTHS`, within the limits for
+    which the case can be solved.
 
     Raises
     ------
     InputError
         The upper end of a range is not above the lower end, or the hardness of the softer solid is not a single number.
     """
-    table = getattr(case, case.softer)
-    if table.coating is not None:
-        expected = "a case without a coating on the softer face: only the hardness of a single solid can be calibrated"
-        raise InputError(case.softer, "a coating", expected)
-    hardness = table.solid.hardness
-    if hardness is None or not np.isfinite(hardness) or table.hardness_table is not None:
-        raise InputError(case.softer, "no single hardness", "a yield_stress or a hardness")
+    hardness = _single_hardness(case)
     surface = prepared.scene.surface
     cells = prepared.cells or (1, 1)
+    # a cell must contain two waves
     half_cell = min(side / (2 * count) for side, count in zip(surface.size, cells, strict=True))
+    # no pressure may reach the hardness
+    highest_pressure = prepared.scene.steps.pressures.max()
     middles = {
         "hardness": hardness,
         "shortest_wave": prepared.conditioning.shortest_wave,
         "factor": 1.0,
     }
+    # the factors 1.01 and 0.999 keep a distance from the limits, despite rounding errors
     smallest = {
-        "hardness": 1.01
-        * prepared.scene.steps.pressures.max(),  # no pressure may reach the hardness
+        "hardness": 1.01 * highest_pressure,
         "shortest_wave": resolved_wave(surface.size, surface.shape),
         "factor": 0.0,
     }
     largest = {
         "hardness": np.inf,
-        "shortest_wave": 0.999
-        * half_cell,  # a cell must contain two waves, despite rounding errors
+        "shortest_wave": 0.999 * half_cell,
         "factor": np.inf,
     }
     ranges = []
@@ -254,6 +253,18 @@ def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> A
             raise InputError(name, text, "two values above 0, the lower one first")
         ranges.append((low, high))
     return np.array(ranges)
+
+
+def _single_hardness(case: Case) -> float:
+    """Return the hardness of the softer solid [Pa]; raise InputError if it is not a single number."""
+    table = getattr(case, case.softer)
+    if table.coating is not None:
+        expected = "a case without a coating on the softer face: only the hardness of a single solid can be calibrated"
+        raise InputError(case.softer, "a coating", expected)
+    hardness = table.solid.hardness
+    if hardness is None or not np.isfinite(hardness) or table.hardness_table is not None:
+        raise InputError(case.softer, "no single hardness", "a yield_stress or a hardness")
+    return float(hardness)
 
 
 def _given_ends(name: str, ends: Range) -> tuple[float, float]:
@@ -358,13 +369,16 @@ def _explore(
     low, high = np.log(ranges[:2]).T  # of hardness and shortest wave
 
     def to_si_units(points: Array) -> Array:
+        """Convert points of the unit square (simulations, 2) to hardness [Pa] and shortest wave [m]."""
         return np.exp(low + points * (high - low))
 
     points = np.empty((0, 2))  # (simulation, quantity), in the unit square
     leakages = np.empty((0, int(max(rows)) + 1))  # (simulation, load)
     sobol = qmc.Sobol(2, rng=np.random.default_rng(1))
+    # the first round covers the unit square evenly
     new_points = sobol.random_base2(int(np.log2(FIRST)))[:most_scenes]
     while True:
+        # run the simulations of this round, and fit the surrogate to all simulations that succeeded
         hardnesses, waves = to_si_units(new_points).T.tolist()
         new_leakages = np.array(list(solve_scenes(hardnesses, waves)))
         points = np.concatenate([points, new_points])
@@ -373,6 +387,7 @@ def _explore(
         _check_enough_solved(is_solved, len(new_points))
         surrogate = Surrogate.fit(points[is_solved], leakages[is_solved])
         posterior = Posterior(test, list(rows), ranges, surrogate, error)
+        # the accuracy of the surrogate counts where the posterior density is large, that is, at its samples
         samples = posterior.samples(_SAMPLES_BETWEEN)
         surrogate_error = np.median(posterior.predict(samples).deviation, axis=0).max()
         n_left = most_scenes - len(points)

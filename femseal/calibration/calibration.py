@@ -128,9 +128,10 @@ class Calibration(Plotted):
         """
         samples = posterior.quantities(cube)
         estimates = {name: Estimate.from_samples(samples[:, n]) for n, name in enumerate(UNITS)}
-        # In the unit cube, the priors are uniform from 0 to 1 with the median 0.5. The rows of (3, quantity) are the
-        # median, the lower end and the upper end, in the order of the fields of `Estimate`.
-        median_low_high = posterior.quantities(np.repeat([[0.5], [0.0], [1.0]], 3, axis=1))
+        # In the unit cube, the prior of each quantity is uniform from 0 to 1, with the median 0.5. The three points of
+        # the unit cube are the medians, the lower ends and the upper ends, in the order of the fields of `Estimate`.
+        cube_of_prior = np.array([[0.5] * 3, [0.0] * 3, [1.0] * 3])
+        median_low_high = posterior.quantities(cube_of_prior)  # (field of `Estimate`, quantity)
         prior = {name: Estimate(*map(float, median_low_high[:, n])) for n, name in enumerate(UNITS)}
         curve = _calibrated_curve(posterior, cube)
         notes = _notes_on_ranges(cube) + _notes_on_fit(posterior, cube, curve[1])
@@ -376,7 +377,7 @@ def calibration_figure(calibration: Calibration) -> Figure:
     test = calibration.test
     pressure, peaks = pressures_and_peaks(test.steps)
     unit, unit_in_si = _AXIS_UNITS[calibration.load_unit]
-    # loading upwards, then unloading downwards
+    # the rows on unloading in falling order of the pressure, then the rows on loading in rising order
     order = np.argsort(np.where(np.isnan(peaks), pressure, -pressure))
     low, median, high = calibration.curve[:, order]
     curves = LeakageCurves(
@@ -389,7 +390,7 @@ def calibration_figure(calibration: Calibration) -> Figure:
         scale=(1.0, f"leakage [{test.unit.name}]"),
         force=None if calibration.load_unit == "Pa" else ForceScale(unit, 1 / unit_in_si),
     )
-    # besides the branches, the legend lists the interval and two kinds of measured points
+    # the legend has a line for each branch, for the interval, and for each of two kinds of measured points
     legend_height = LEGEND_LINE * (len(curves.branches) + 3)
     load_margins = replace(LOADS, bottom=LOADS.bottom + legend_height)
     sheet = Sheet(

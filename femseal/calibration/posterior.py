@@ -182,10 +182,15 @@ class Posterior:
     def factor_density(self, plane: Array) -> FactorDensity:
         """Compute the posterior density of ln(factor) for several pairs of hardness and shortest wave.
 
+        The factor is fitted by generalised least squares. For each pair, let r be the residuals
+        ln(measured leakage) − ln(leakage of the model) over the rows of the test with a leakage. Their covariance C is
+        the sum of the covariance of the surrogate and of the variance of the test. The best constant value of
+        ln(factor) is 1·C⁻¹r / 1·C⁻¹1, with the variance 1 / 1·C⁻¹1, where 1 is a vector of ones.
+
         plane : pairs of hardness and shortest wave, scaled to points of the unit square, array (pairs, 2).
         """
-        mean, deviation, is_open = self._predict_rows(plane)
-        is_sealed = self.test.sealed
+        mean, deviation, is_open = self._predict_rows(plane)  # (pair, row) each
+        is_sealed = self.test.sealed  # (row,)
         leaks = ~is_sealed
         residuals = np.log(self.test.leakage) - mean  # (pair, row)
         loads = np.array(self.rows)[leaks]
@@ -193,24 +198,23 @@ class Posterior:
         correlation = self.surrogate.correlation[np.ix_(loads, loads)]
         surrogate_covariance = correlation * errors[:, :, None] * errors[:, None]
         covariance = surrogate_covariance + self.error**2 * np.eye(len(loads))  # (pair, row, row)
-        # Generalised least squares: ln(factor) is the constant c that is fitted to the residuals r, with the covariance
-        # C = LLᵀ. With the solutions `a` of L a = r and `b` of L b = 1, the ordinary least-squares problem a = c b has
-        # the solution c = b·a / b·b, with the standard deviation (b·b)^(-1/2).
+        # With the Cholesky factor L of C, the residuals L⁻¹r are independent with the variance 1, and the fit becomes
+        # ordinary least squares of L⁻¹r as a multiple of L⁻¹1.
         root = np.linalg.cholesky(covariance)
-        columns = np.stack([residuals[:, leaks], np.ones_like(errors)], axis=-1)
+        columns = np.stack([residuals[:, leaks], np.ones_like(errors)], axis=-1)  # (pair, row, 2)
         white_columns = np.linalg.solve(root, columns)
         white_residuals = white_columns[..., 0]
         white_ones = white_columns[..., 1]
         factor_deviation = (white_ones**2).sum(1, keepdims=True) ** -0.5
         factor_mean = (white_ones * white_residuals).sum(1, keepdims=True) * factor_deviation**2
         misfit = ((white_residuals - white_ones * factor_mean) ** 2).sum(1, keepdims=True)
-        log_open = np.log(is_open[:, leaks]).sum(1)
-        log_determinant = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(1)
+        log_open = np.log(is_open[:, leaks]).sum(1)  # the model must leak where the test leaks
+        log_root_determinant = np.log(np.diagonal(root, axis1=1, axis2=2)).sum(1)  # ln|L|
         return FactorDensity(
             mean=factor_mean,
             deviation=factor_deviation,
             misfit=misfit,
-            log_scale=(log_open - log_determinant)[:, None],
+            log_scale=(log_open - log_root_determinant)[:, None],
             sealed_limit=residuals[:, is_sealed],
             sealed_deviation=np.hypot(deviation[:, is_sealed], self.error),
             sealed_is_open=is_open[:, is_sealed],
@@ -270,8 +274,9 @@ class Posterior:
             best_have_nearly_all = probability[best].sum() >= nearly_all
             if not best_have_nearly_all:
                 return slabs
-            # drop the other squares, and divide each of the best ones into four
+            # drop all other squares, and divide each of the best squares into four
             n_along_side *= 2
+            # from the centre of a square, the centres of its quarters are half a quarter away along both axes
             to_quarters = np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) / (2 * n_along_side)
             centres = (centres[best, None] + to_quarters).reshape(-1, 2)
 
@@ -289,7 +294,7 @@ class Posterior:
         centre = np.clip(density.mean, low, high)
         first = np.clip(centre - _SLAB_RANGE * density.deviation, low, high)
         last = np.clip(centre + _SLAB_RANGE * density.deviation, low, high)
-        middles = first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS
+        middles = first + (last - first) * (np.arange(_SLABS) + 0.5) / _SLABS  # (square, slab)
         # Every square has the same number of slabs, but their width differs between squares. The probability of a slab
         # is the density at its centre times its width, up to a constant.
         log_probability = density.log_density(middles) + np.log(last - first)

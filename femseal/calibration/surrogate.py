@@ -34,6 +34,10 @@ from ..base import Array, Flags, Indices
 
 #: Variance of the coefficients of the linear trend, relative to the variance of the values.
 _TREND_VARIANCE = 25.0
+#: Each coordinate of the centre of the unit cube, at which the linear trend has its mean.
+_CENTRE = 0.5
+#: Index of the rough process among the two processes; the smooth process has the index 0.
+_ROUGH = 1
 #: Variance that is added because of rounding, relative to the variance of the values.
 _ROUNDING_VARIANCE = 1e-8
 #: Medians of the priors of ln(amplitude) and ln(correlation length), axes: process, parameter. The first row is for the
@@ -90,19 +94,28 @@ def _solve(covariance: Array, values: Array) -> _Solution:
 def _covariance(parameters: Array, a: Array, b: Array) -> Array:
     """Compute the prior covariance (m, n) between the points `a` (m, dimensions) and the points `b` (n, dimensions).
 
+    The covariance between two points is
+
+        V (1 + (a − c)·(b − c)) + Σ A² exp(−Σ e_d),
+
+    where V is the variance of the trend coefficients, and c is the centre of the unit cube. The first sum is over the
+    smooth and the rough process, with the amplitude A of a process. The second sum is over the dimensions d, with
+    e_d = r_d²/2 and the distance r_d of the points in correlation lengths. For the last dimension of the rough process,
+    e_d = r_d.
+
     parameters : ln(amplitude) and ln(correlation lengths) of the smooth process, then ln(amplitude) and ln(correlation
         lengths) of the rough process.
     """
-    # (process, 1, 1, parameter)
+    # (process, 1, 1, parameter), where the axes of length 1 are for the points a and b
     amplitudes_and_lengths = np.exp(parameters).reshape(2, 1, 1, -1)
-    amplitudes = amplitudes_and_lengths[..., 0]
-    lengths = amplitudes_and_lengths[..., 1:]
+    amplitudes = amplitudes_and_lengths[..., 0]  # (process, 1, 1)
+    lengths = amplitudes_and_lengths[..., 1:]  # (process, 1, 1, dimension)
     distances = np.abs(a[:, None] - b) / lengths  # (process, m, n, dimension)
     exponents = 0.5 * distances**2
-    # the rough process has an exponential covariance along the last dimension
-    exponents[1, ..., -1] = distances[1, ..., -1]
-    processes = amplitudes**2 * np.exp(-exponents.sum(-1))
-    covariance = _TREND_VARIANCE * (1 + (a - 0.5) @ (b - 0.5).T) + processes.sum(0)
+    exponents[_ROUGH, ..., -1] = distances[_ROUGH, ..., -1]
+    processes = amplitudes**2 * np.exp(-exponents.sum(-1))  # (process, m, n)
+    trend = _TREND_VARIANCE * (1 + (a - _CENTRE) @ (b - _CENTRE).T)
+    covariance = trend + processes.sum(0)
     # products with arrays in another order have other last digits
     return np.ascontiguousarray(covariance)
 
@@ -128,10 +141,11 @@ class Process:
     """
 
     def __init__(self, parameters: Array, points: Array, values: Array) -> None:
+        """Solve for the weights of the predictions; see the class for the arguments."""
         self._parameters = parameters
         self._points = points
-        # the covariance describes standardised values, so that predictions must be scaled back
-        self._mean = values.mean(0)
+        # the covariance describes standardised values, so that predictions must be scaled back to the values
+        self._mean = values.mean(0)  # (k,)
         deviations, standardised = _standardise(values)
         solution = _solve(_covariance(parameters, points, points), standardised)
         self._whitening = solution.whitening
@@ -148,13 +162,14 @@ class Process:
         (Rasmussen and Williams, equations 2.25 and 2.26).
         """
         covariance = _covariance(self._parameters, points, self._points)  # (m, n)
-        mean = self._mean + covariance @ self._weights
-        # variance of the prior at the points, minus what the data explain (m,)
-        explained = ((self._whitening @ covariance.T) ** 2).sum(0)
+        mean = self._mean + covariance @ self._weights  # (m, k)
+        # The variance is the variance of the prior at the points, minus the part that the known values explain. The
+        # explained part is c K⁻¹ cᵀ = |L⁻¹ cᵀ|² for each row c of the covariance.
+        explained = ((self._whitening @ covariance.T) ** 2).sum(0)  # (m,)
         # ln(amplitude) is the first parameter of each process, before its `dimensions` correlation lengths
         dimensions = points.shape[1]
         log_amplitudes = self._parameters[[0, dimensions + 1]]
-        trend_variance = _TREND_VARIANCE * (1 + ((points - 0.5) ** 2).sum(-1))
+        trend_variance = _TREND_VARIANCE * (1 + ((points - _CENTRE) ** 2).sum(-1))
         prior_variance = trend_variance + np.exp(2 * log_amplitudes).sum()
         variance = np.maximum(prior_variance - explained, _ROUNDING_VARIANCE)
         return mean, self._scale * np.sqrt(variance)[:, None]
@@ -167,10 +182,10 @@ class Process:
         point i is w_i / (K⁻¹)_ii, and its standard deviation is (K⁻¹)_ii^(-1/2) (Rasmussen and Williams, equation
         5.12). The standardised error at point i is the ratio w_i / (K⁻¹)_ii^(1/2).
         """
-        precision = (self._whitening**2).sum(
-            0
-        )  # (K⁻¹)_ii, because K⁻¹ is the product of L⁻¹ transposed and L⁻¹
-        return np.asarray(self._weights / self._scale / np.sqrt(precision)[:, None])
+        # the diagonal of K⁻¹ = (L⁻¹)ᵀ L⁻¹ contains the sums of squares of the columns of L⁻¹
+        inverse_diagonal = (self._whitening**2).sum(0)
+        # the weights are scaled to the values, and are divided by the scale to standardise them
+        return np.asarray(self._weights / self._scale / np.sqrt(inverse_diagonal)[:, None])
 
 
 @dataclass(frozen=True)
@@ -321,13 +336,13 @@ class Surrogate:
         leakage : array (simulations, loads)
             Leakage of each simulation at each load, 0 where the seal is sealed.
         """
-        is_open = leakage > 0
+        is_open = leakage > 0  # (simulation, load)
         groups = _group_loads(is_open)
         data_sets = []
         for group in groups:
             leakage_of_group = leakage[group.simulations][:, group.loads]
             data_sets.append(_Data(points[group.simulations], np.cbrt(leakage_of_group)))
-        processes = _fit_processes(data_sets)
+        processes = _fit_processes(data_sets)  # one for each group
         leakage_processes = []
         errors = np.zeros(leakage.shape)  # 0 where no leakage is predicted
         for group, process in zip(groups, processes, strict=True):
@@ -354,11 +369,12 @@ class Surrogate:
         distributed, so that the probability that the seal leaks is Φ(mean / deviation), with the mean and the standard
         deviation of the predicted value and the normal distribution function Φ.
         """
-        shape = len(points), len(self.common_class)
+        shape = len(points), len(self.common_class)  # (point, load)
         mean = np.zeros(shape)
         deviation = np.full(shape, _UNKNOWN_DEVIATION)
         for loads, process in self.leakage:
             mean[:, loads], deviation[:, loads] = _logarithm(*process.predict(points))
+        # at loads at which the simulations agree, every point gets the common value of the simulations
         class_mean = np.tile(self.common_class, (len(points), 1))
         class_deviation = np.zeros(shape)
         if self.open is not None:
