@@ -184,8 +184,9 @@ def _plain_name(name: object) -> str:
 
 def _in_table(name: object) -> NamedFluid | None:
     """Find a fluid of `TABLE` by any of its names."""
-    fluid_of_name = {_plain_name(other): fluid for other, fluid in _OTHER_NAMES.items()}
-    plain = _plain_name(fluid_of_name.get(_plain_name(name), name))
+    # replace a further name, such as "N2", by the name in the table
+    main_names = {_plain_name(other): main_name for other, main_name in _OTHER_NAMES.items()}
+    plain = _plain_name(main_names.get(_plain_name(name), name))
     for table_name, fluid in TABLE.items():
         if _plain_name(table_name) == plain:
             return fluid

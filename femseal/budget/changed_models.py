@@ -149,7 +149,10 @@ def model_part(
 ) -> ErrorPart:
     """Estimate the error that an uncertain quantity causes, from the leakage with a changed quantity.
 
-    The 95 % interval contains the leakage with the change and the leakage with the opposite change.
+    Let e be the change of ln(leakage) with the change of the quantity, and e' with the opposite change. The interval of
+    ln(leakage) reaches from ln(leakage) + min(e, e') to ln(leakage) + max(e, e'). If e and e' have the same sign, the
+    interval is extended to the other side by the smaller of |e| and |e'|. If an opposite change is impossible, only e
+    is used, and an end of the interval is ln(leakage).
 
     Parameters
     ----------
@@ -174,8 +177,7 @@ def model_part(
             opposite_effect = _fill_unknown(steps, leakage, opposite.change(leakage))
             solutions.append(opposite)
         effects = np.array([effect, opposite_effect])  # (direction, step)
-        # If both effects have the same sign, one end of the interval would be at the leakage itself. In place of 0, the
-        # distance to this end is the smaller effect.
+        # if both effects have the same sign, one of the two distances would be 0 without `smaller`
         smaller = np.abs(effects).min(axis=0)
         above = np.maximum(effects.max(axis=0), smaller)
         below = np.maximum(-effects.min(axis=0), smaller)

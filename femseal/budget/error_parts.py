@@ -261,9 +261,11 @@ def within_others(
     Returns the lower and the upper ends of the intervals, arrays (steps,) [m²/s].
     """
     low, high = _bounds_by_other_steps(steps, lower, upper)
-    # the same bounds from the leakages themselves show whether these follow the rules
+    # Intervals without width, at the computed leakages, remain without width if the leakages follow the two rules.
+    # Otherwise, a leakage lies outside its bounds.
     lower_bound, upper_bound = _bounds_by_other_steps(steps, leakage, leakage)
-    if (leakage > _RISE * upper_bound).any() or (_RISE * leakage < lower_bound).any():
+    breaks_rules = (leakage > _RISE * upper_bound).any() or (_RISE * leakage < lower_bound).any()
+    if breaks_rules:
         return lower, upper
     low = np.where(np.isnan(lower), np.nan, low)
     high = np.where(np.isnan(upper), np.nan, high)
@@ -291,9 +293,9 @@ def _bounds_by_other_steps(steps: LoadProgramme, lower: Array, upper: Array) -> 
     low = lower.copy()
     high = upper.copy()
     pressure = steps.pressures
-    loading, *unloadings = steps.branches
+    loading, *unloadings = steps.branches  # step indices of each branch
     # On loading, the steps are ordered from the lowest load to the highest, and the leakage falls. All earlier steps
-    # leak at least as much as a step, and all later steps do not leak more.
+    # leak at least as much as a step, and all later steps do not leak more. `fmin` and `fmax` ignore unknown ends.
     high[loading] = np.fmin.accumulate(high[loading])
     low[loading] = np.fmax.accumulate(low[loading][::-1])[::-1]
     for unloading in unloadings:
@@ -385,7 +387,8 @@ def widest_interval(budget: ErrorBudget) -> WidestInterval:
     """Find the widest interval of a budget; its half-width is inf if the error of the pixel size is unknown."""
     steps = counting_steps(budget)
     widths = np.nan_to_num(np.asarray(budget.half_width())[steps], nan=inf, posinf=inf)
-    largest_widths = {"pixels": inf}  # unless the budget contains the error of the pixel size
+    # without the error of the pixel size, the budget says little about the true leakage
+    largest_widths = {"pixels": inf}  # replaced below if the budget contains this error
     for name, width in budget.widths().items():
         largest_widths[name] = _largest(width[steps])
     half_width = _largest(widths)
@@ -488,17 +491,18 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array
     if not finite.size:
         return np.zeros(len(steps))
     shift = mean_shift(change[finite], slope[finite])
-    # Distance from each step to each step with a finite change, (step, finite step). The distance is counted in steps
-    # along the load cycle, which is a graph: the unloadings branch off from the loading.
+    # Distance from each step to each step with a finite change, array (step, finite step). The distance is counted in
+    # steps along the load cycle, which is a graph: the unloadings branch off from the loading.
     is_neighbour = np.zeros((len(steps), len(steps)))
     for step, previous in neighbouring_steps(steps):
         is_neighbour[step, previous] = 1
     distance = shortest_path(is_neighbour, directed=False, unweighted=True)[:, finite]
-    # all steps that are at most as far away as the second nearest step
+    # a step is near if it is at most as far away as the second nearest step; a step with a finite change is its own
+    # nearest step, at the distance 0
     second_smallest = np.sort(distance, axis=1)[:, :2].max(axis=1, keepdims=True)
-    is_near = distance <= second_smallest
-    rms = np.sqrt(is_near @ np.square(change[finite]) / is_near.sum(axis=1))
-    return np.hypot(rms, slope * shift)
+    is_near = distance <= second_smallest  # (step, finite step)
+    rms_nearby = np.sqrt(is_near @ np.square(change[finite]) / is_near.sum(axis=1))
+    return np.hypot(rms_nearby, slope * shift)
 
 
 def mean_shift(change: Array, slope: Array) -> float:
@@ -542,12 +546,10 @@ def sealed_upper(
         other_leakage = np.nan_to_num(np.abs(coarse.leakage))
     is_open = (q > 0) & np.isfinite(distance)
     shift = _load_shift(distance, load_sensitivity(steps, q), is_open)
-    pressure, loading, peaks = steps.pressures, steps.on_loading, steps.peak_indices
+    pressure = steps.pressures
     for s in np.flatnonzero((q == 0) & ~np.isnan(change)):
         upper[s] = other_leakage[s]
-        # steps that leak at least as much as s if their load is not higher: the loading and, for an unloaded step, all
-        # steps of the same unloading
-        leaks_no_less = loading | (~loading[s] & (peaks == peaks[s]))
+        leaks_no_less = _leaks_no_less_at_lower_load(steps, s)
         open_below = np.flatnonzero(leaks_no_less & is_open & (pressure <= pressure[s]))
         # The seal may be open at s if the shifted load is not above the lowest load at which the seal is sealed. If the
         # shifted load is higher, the seal is certainly sealed at s.
@@ -564,6 +566,17 @@ def sealed_upper(
     return upper
 
 
+def _leaks_no_less_at_lower_load(steps: LoadProgramme, step: int) -> Flags:
+    """Return for each step whether it leaks at least as much as a given step, provided that its load is not higher.
+
+    All steps on loading have this property. For a given step on unloading, the steps of the same unloading branch have
+    this property as well.
+    """
+    loading, peaks = steps.on_loading, steps.peak_indices
+    same_unloading = ~loading[step] & (peaks == peaks[step])
+    return loading | same_unloading
+
+
 def _load_shift(distance: Array, slope: Array, is_open: Flags) -> float:
     """Return the largest shift of ln(load) that explains the given distances of ln(leakage) at leaking steps.
 
@@ -577,9 +590,8 @@ def _load_shift(distance: Array, slope: Array, is_open: Flags) -> float:
         ignored, unless the slope is unknown at all leaking steps.
     is_open : whether the seal leaks (steps,).
     """
-    is_used = is_open
-    if (slope[is_open] > 0).any():
-        is_used = is_open & (slope > 0)
+    has_slope = is_open & (slope > 0)
+    is_used = has_slope if has_slope.any() else is_open
     shifts = distance[is_used] / np.maximum(slope[is_used], LEAST_SLOPE)
     return float(np.max(shifts, initial=0.0))
 
@@ -647,6 +659,7 @@ def pixels_part(
     in_contact : contact fraction (steps,).
     """
     steps = scene.steps
+    # ratio of the pixel sizes of the coarser grid and of the grid of the study
     coarsening = float(np.sqrt(np.prod(scene.surface.shape) / np.prod(coarse.points)))
     change = coarse.change(leakage)
     slope = np.maximum(sensitivity(steps, leakage, np.asarray(in_contact)), _LEAST_SLOPE)
@@ -654,10 +667,10 @@ def pixels_part(
     # large is proportional to r**ORDER − 1. Scale it to r = 2.
     change_to_half = change * (2.0**ORDER - 1) / (coarsening**ORDER - 1)
     least_shift = _LEAST_SHIFT * min(1.0, USUAL_PIXELS / wave_pixels)
-    typical_change = scale_of_changes(steps, change_to_half, slope)
-    least_change = least_shift * slope
+    typical_change = scale_of_changes(steps, change_to_half, slope)  # c
+    least_change = least_shift * slope  # s
     n_loads = int((np.isfinite(change) & steps.on_loading).sum())
-    factor = PER_CHANGE * FEW_LOADS.get(n_loads, 1.0)
+    factor = PER_CHANGE * FEW_LOADS.get(n_loads, 1.0)  # P
     half_width = factor * np.hypot(typical_change, least_change)
     may_close = closing & (half_width > _MAY_CLOSE)
     half_width_below = np.where(may_close | np.isneginf(change), np.inf, half_width)

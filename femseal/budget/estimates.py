@@ -202,12 +202,15 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_order:
         return None
     note = "cells under their effective pressure against a coupled face, measured on faces four waves broad"
-    q, carried = study.quantile(0.5), abs(fluid.carried)
+    q = study.quantile(0.5)
+    carried = abs(fluid.carried)  # nominal pressure that the fluid carries [Pa]
+    # a load below the part that the fluid carries is raised to this part; the tiny number prevents a division by 0
     loads = np.maximum(study.steps.pressures, max(carried, 1e-300))
     slope = sensitivity(study.steps, q, study.contact_fraction)
     # change of ln(leakage) due to the part of the load that the fluid carries
     effect = slope * carried / loads
-    below, above = 0.5 * effect, 0.2 * effect
+    below = 0.5 * effect
+    above = 0.2 * effect
     return part_of_changes("effective pressure", study.steps, q, below, above, note)
 
 

@@ -158,8 +158,10 @@ def _leakage(
     """Compute the leakage of a seal with form deviations at every step (steps,) [m²/s]; NaN where a solution failed."""
     steps = scene.steps
     nominal = steps.pressures[:, None]  # (step, 1)
+    # without form deviations, every tile is under the nominal pressure
     k = np.repeat(curves.k_on_paths(nominal, steps), tiles.count, axis=1)  # (step, tile)
     if forms:
+        # the pressure of each tile, and permeability added by a gap between the macroscopic shapes
         contact = attempt(solve_seal_contact, scene, tiles, forms, map, layer)
         if isinstance(contact, Failed):  # for example because the form is too steep
             return np.full(len(steps), np.nan)
@@ -206,7 +208,7 @@ def _draw_form(
     to q^(−1 − 2H), with the Hurst exponent H. The wave numbers are drawn by inverting their cumulative distribution,
     which is a linear function of q^(−2H).
     """
-    # values of q^(−2H) at both ends of the range
+    # values of q^(−2H) at the lowest and at the highest wave number
     low, high = ((2 * pi / wavelength) ** (-2 * hurst) for wavelength in wavelengths)
     q = (low + (high - low) * rng.random(_WAVES)) ** (-1 / (2 * hurst))
     angle, phase = rng.uniform(0, 2 * pi, (2, _WAVES))

@@ -102,16 +102,17 @@ def filter_part(
     """
     steps = scene.steps
     change = filtered.change(leakage)
-    # mean square slopes of the removed waves and of the octave, divided by the mean square slope of the surface
+    # r and r_o of `_ERROR`: mean square slopes of the removed waves and of the octave, divided by the mean square slope
+    # of the surface
     removed = 1 / slope_ratio**2 - 1
-    octave = 1.0
+    octave = 1.0  # if the solution does not state its rms slope
     if filtered.rms_slope is not None and scene.surface.rms_slope:
         octave = max(1 - (filtered.rms_slope / scene.surface.rms_slope) ** 2, 0.0)
     octave_factor = 1.0
     if octave:
         octave_factor = min(removed / octave, 1.0) ** _POWER
-    octave_estimate = octave_factor * np.minimum(np.abs(change), _MOST_CHANGE)
-    state_estimate = _BY_STATE * expected_sensitivity(in_contact) * removed**_POWER
+    octave_estimate = octave_factor * np.minimum(np.abs(change), _MOST_CHANGE)  # o
+    state_estimate = _BY_STATE * expected_sensitivity(in_contact) * removed**_POWER  # s
     distance = _ERROR * np.hypot(octave_estimate, state_estimate)
     distance = np.fmax(distance, distance[steps.peak_indices])
     below = np.where(_ERROR * state_estimate > _MAY_CLOSE, np.inf, distance)
@@ -152,13 +153,15 @@ def continuation_part(
     steps = scene.steps
     n = len(others) + 1
     changes = np.array([other.change(leakage) for other in others])  # (solution, step)
+    # infinite changes, at steps that other phases open or seal, are treated at the end
     finite = np.where(np.isinf(changes), 0.0, changes)
     # the surface of the study itself is one of the n samples, with a change of 0
     samples = np.vstack([np.zeros(len(steps)), finite])
     mean = samples.mean(axis=0)
     deviation = samples.std(axis=0, ddof=1)
-    # the change for the true surface lies between mean − scatter and mean + scatter
+    # contribution a: the change for the true surface lies between mean − scatter and mean + scatter
     scatter = stdtrit(n - 1, (1 + COVERAGE) / 2) * np.sqrt(1 + 1 / n) * deviation
+    # contribution b, as distances from ln(leakage) to both ends of the interval
     beyond_cut_off = filter_part(scene, leakage, in_contact, shorter, slope_ratio)
     q = np.abs(leakage)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -241,19 +244,33 @@ def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_rat
         return estimate
     loading, *unloadings = steps.branches
     estimate[loading] = _on_branch(
-        p[loading], q[loading], slope_ratio, p[loading], in_contact[loading]
+        p[loading],
+        q[loading],
+        in_contact[loading],
+        slope_ratio=slope_ratio,
+        loads=p[loading],
     )
     for unloading in unloadings:
         peak = int(steps.peak_indices[unloading[0]])
         branch = np.append(unloading, peak)
-        on_branch = _on_branch(p[branch], q[branch], slope_ratio, p[unloading], in_contact[branch])
-        # correct for the lower peak of the reduced load cycle
+        on_branch = _on_branch(
+            p[branch],
+            q[branch],
+            in_contact[branch],
+            slope_ratio=slope_ratio,
+            loads=p[unloading],
+        )
+        # if all loads of the cycle are reduced, the unloading also begins at a lower load
         if q[peak] > 0:
             on_branch = on_branch * (estimate[peak] / q[peak])
         else:
             on_branch = np.maximum(on_branch, estimate[peak])
         on_loading = _on_branch(
-            p[loading], q[loading], slope_ratio, p[unloading], in_contact[loading]
+            p[loading],
+            q[loading],
+            in_contact[loading],
+            slope_ratio=slope_ratio,
+            loads=p[unloading],
         )
         estimate[unloading] = np.minimum(on_branch, on_loading)
     estimate[(q == 0) & sealed_for_certain(in_contact, slope_ratio)] = 0.0
@@ -261,7 +278,7 @@ def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_rat
 
 
 def _on_branch(
-    pressure: Array, q: Array, slope_ratio: float, loads: Array, in_contact: Array
+    pressure: Array, q: Array, in_contact: Array, *, slope_ratio: float, loads: Array
 ) -> Array:
     """Interpolate the leakage on one branch of the load cycle at reduced loads.
 
@@ -284,8 +301,8 @@ def _on_branch(
     ln_leakage = np.log(q[is_open])[order]
     lowest_sealed = np.log(pressure[(q == 0) & (pressure > 0)].min(initial=np.inf))
     with np.errstate(divide="ignore", invalid="ignore"):
-        reduced = np.log(loads) + LOAD_POWER * np.log(slope_ratio)
-        leakage = np.full(loads.shape, np.inf)
+        reduced = np.log(loads) + LOAD_POWER * np.log(slope_ratio)  # ln(reduced load)
+        leakage = np.full(loads.shape, np.inf)  # unknown, unless one of the cases below applies
         if ln_load.size == 1 and slope_ratio < _LEAST_SLOPE_RATIO:
             # too far to extrapolate from one load; at higher loads, the leakage is at most as large as there
             leakage[reduced >= ln_load[0]] = np.exp(ln_leakage[0])
@@ -293,6 +310,7 @@ def _on_branch(
             slope = STEEPEST * float(expected_sensitivity(in_contact[is_open])[0])
             leakage = np.exp(ln_leakage[0] + slope * np.maximum(ln_load[0] - reduced, 0.0))
         elif ln_load.size:
+            # extrapolate by the line through the two lowest loads
             slope = (ln_leakage[1] - ln_leakage[0]) / (ln_load[1] - ln_load[0])
             extrapolated = ln_leakage[0] + slope * (reduced - ln_load[0])
             interpolated = np.interp(reduced, ln_load, ln_leakage)

@@ -276,23 +276,32 @@ def _continuation(
     unchanged = evaluation.solve(grid).get(solved_study(study_of_result(result)).key)
     if continuation is None or unchanged is None:
         return []
+    # in place of a version that could not be solved
     unknown = CoarserSolution(
-        grid.scene.surface.shape, np.full(len(grid.scene.steps), np.nan), unchanged.leakage
+        points=grid.scene.surface.shape,
+        leakage=np.full(len(grid.scene.steps), np.nan),
+        reference=unchanged.leakage,
     )
     solutions = [
         evaluation.on_grid(continued_version, result) or unknown
         for continued_version in evaluation.request.continued
     ]
-    # the last version lacks the shortest octave of waves, see `continued_versions`
+    # the last version of `continued_versions` lacks the shortest octave of waves
     *other_phases, without_octave = solutions
     smoother_surface = version.scene.surface.low_pass(2 * continuation.cut_off)
     shorter = replace(without_octave, rms_slope=smoother_surface.rms_slope)
     slope_ratio = _slope_ratio_beyond(version.scene.surface, continuation, grid.scene)
     in_contact: Array = contact_fraction_of(result, version.scene.steps)
     leakage = leakage_of(result)
-    return [
-        continuation_part(version.scene, leakage, in_contact, other_phases, shorter, slope_ratio)
-    ]
+    part = continuation_part(
+        version.scene,
+        leakage,
+        in_contact,
+        others=other_phases,
+        shorter=shorter,
+        slope_ratio=slope_ratio,
+    )
+    return [part]
 
 
 def _slope_ratio_beyond(surface: Surface, continuation: Continuation, scene: Scene) -> float:

@@ -156,7 +156,9 @@ def without_filtered_waves(version: Version) -> Version | None:
     """Make the version without the shortest octave of waves; None if no waves were removed from the surface."""
     if not _lacks_waves(version):
         return None
-    surface, wave = version.scene.surface, 2 * version.conditioning.shortest_wave
+    surface = version.scene.surface
+    wave = 2 * version.conditioning.shortest_wave
+    # half the points, rounded up to a multiple of the divisor
     n1, n2 = (
         ceil(n / (2 * divisor)) * divisor
         for n, divisor in zip(surface.shape, version.points_divide_by, strict=True)

@@ -205,6 +205,7 @@ def _add_studies(
     by_key : result of each study, by the key of the study.
     quantiles : lower and upper quantile of the leakage of the realisations.
     """
+    # deterministic and two-scale study, which solve the whole surface
     face_results = [study for study in by_key.values() if isinstance(study, FaceResult)]
     for face_result in face_results:
         study = STUDIES[face_result.method]
@@ -222,6 +223,7 @@ def _add_studies(
     stochastic = by_key.get("stochastic")
     if isinstance(stochastic, StochasticResult):
         _add_stochastic(data, stochastic, quantiles)
+    # variables of the measured patches, of the rows and of the surface
     patch_results = [study.patches for study in by_key.values() if study.patches is not None]
     if patch_results:
         gap = face_results[-1].gap if face_results else None

@@ -163,7 +163,7 @@ def _check_safety(path: Path) -> None:
     with h5py.File(path, "r") as file:
         for name in file:
             link = file.get(name, getlink=True)
-            # soft and external links are not followed
+            # only a hard link belongs to this file; soft and external links are not followed
             item = file[name] if isinstance(link, h5py.HardLink) else None
             if not isinstance(item, h5py.Dataset) or item.external or item.is_virtual:
                 given = f"{path}, whose '{name}' is not held in the file itself"

@@ -194,11 +194,16 @@ class RunComparison(Plotted):
         # the attributes would be those of the first run
         combined.attrs = {}
         combined = combined.assign_coords(run=list(self.names))
+        return self._over_keys(combined)
+
+    def _over_keys(self, combined: xarray.Dataset) -> xarray.Dataset:
+        """Replace the dimension `run` by the keys of a sweep, if the runs are all combinations of their values."""
         # values of each key in all runs
         columns = [_numbers_if_possible(texts) for texts in zip(*self.settings, strict=True)]
-        combinations = prod(len(set(values)) for values in columns)
+        n_combinations = prod(len(set(values)) for values in columns)
         has_repeated_run = len(set(self.settings)) < len(self.runs)
-        if not self.keys or combinations != len(self.runs) or has_repeated_run:
+        is_complete = n_combinations == len(self.runs) and not has_repeated_run
+        if not self.keys or not is_complete:
             return combined
         for key, values in zip(self.keys, columns, strict=True):
             combined = combined.assign_coords({key: ("run", values)})
@@ -267,6 +272,7 @@ class RunComparison(Plotted):
         if not common:
             return [("highest load of each", [results.peak for results in self.runs])]
         loading = [step for step in common if step.unloaded_from is None]
+        # the last step, the load of the ranking, and the first, middle and last common load on loading
         chosen = {common[-1]}
         ranked = self._ranked_step
         if ranked is not None:

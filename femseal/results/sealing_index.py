@@ -295,13 +295,13 @@ def integrate_power(positions: ArrayLike, pressures: ArrayLike, exponent: float)
         raise InputError("pressures", pressures, "a pressure >= 0 for each position [Pa]")
     smaller, larger = np.minimum(p[:-1], p[1:]), np.maximum(p[:-1], p[1:])
     rise = larger - smaller
-    # for nearly equal pressures, the power of their mean is more accurate than the difference of their powers
+    # for nearly equal pressures `a` and `b`, ((a + b)/2)ⁿ is more accurate than the formula, which divides by b − a
     is_level = rise <= 1e-6 * larger
     safe_rise = np.where(is_level, 1.0, rise)
     highest = float(p.max())
     if highest == 0:
         return 0.0
-    # in units of the highest pressure, whose power alone can be too large for a number
+    # compute in units of the highest pressure, because the power of a pressure in pascal can be too large for a number
     larger, smaller, safe_rise = larger / highest, smaller / highest, safe_rise / highest
     exact = (larger ** (n + 1) - smaller ** (n + 1)) / ((n + 1) * safe_rise)
     mean = np.where(is_level, ((larger + smaller) / 2) ** n, exact)
@@ -419,6 +419,7 @@ class _Seal:
     """
 
     def __init__(self, results: Results) -> None:
+        """Read leakage and fluid from the results; raise InputError if the sealing index is not defined for the run."""
         fluid = class_fluid(results)
         if fluid is None:
             raise InputError(
@@ -475,8 +476,9 @@ class _Seal:
         limits : mapping
             Largest leakage per length of the seal [m²/s], by the name of the limit.
         """
+        # The required index p₀ⁿ k₀ D/q is proportional to the permeability. Its relative interval is therefore the
+        # relative interval of the permeability around the fitted law, the widest one over the steps.
         fitted = law.at(self.pressures[steps])
-        # the needed index is proportional to the permeability, so that both have the same relative interval
         lower_ratio = upper_ratio = np.nan
         if self.has_interval:
             lower = self.lower[steps] * self.permeability_per_leakage
@@ -507,10 +509,12 @@ class _Seal:
             return np.nan, np.nan
         pressures = self.pressures[steps]
         lowest = highest = law.exponent
-        for end, unknown in ((self.lower[steps], inf), (self.upper[steps], -inf)):
-            # where the lower end is zero or the upper end unknown, nothing bounds the exponent on this side
+        # A lower end of zero at high pressures allows any larger exponent, and an unknown upper end any smaller one.
+        for end, limit_if_unusable in ((self.lower[steps], inf), (self.upper[steps], -inf)):
             is_usable = np.isfinite(end).all() and (end > 0).all()
-            exponent = fit_power_law(pressures, end).exponent if is_usable else unknown
+            exponent = limit_if_unusable
+            if is_usable:
+                exponent = fit_power_law(pressures, end).exponent
             lowest, highest = min(lowest, exponent), max(highest, exponent)
         # realisations that are sealed at one of the loads have no power law
         leakages = self.realisations[:, steps]

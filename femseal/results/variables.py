@@ -255,11 +255,13 @@ def block_means(values: NDArray[Any], largest_count: int) -> NDArray[np.float32]
     -------
     Mean of each block, NaN if all values of the block are NaN.
     """
+    # sums and numbers of the known values; at first, each pixel is a block
     count: NDArray[Any] = ~np.isnan(values)
     total = np.where(count, values, 0.0)
     for axis, pixels in enumerate(values.shape):
         blocks = min(pixels, largest_count)
         first_pixels = np.arange(blocks) * pixels // blocks
+        # `reduceat` adds the values from the first pixel of each block up to the first pixel of the next block
         total = np.add.reduceat(total, first_pixels, axis, dtype=float)
         count = np.add.reduceat(count, first_pixels, axis, dtype=float)
     with np.errstate(invalid="ignore"):  # 0/0 is NaN

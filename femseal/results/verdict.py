@@ -314,7 +314,7 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
     can_interpolate = (
         (leakage_within > 0) & (pressure_above > 0) & (leakage_above > leakage_within) & (limit > 0)
     )
-    # linear interpolation of ln(leakage) over ln(pressure) between the two steps
+    # linear interpolation of ln(leakage) over ln(pressure) between the two steps; the fraction is 0 at `last_within`
     with np.errstate(divide="ignore", invalid="ignore"):
         fraction = np.log(limit / leakage_within) / np.log(leakage_above / leakage_within)
         fraction = np.clip(np.where(can_interpolate, fraction, 0.0), 0, 1)
@@ -429,22 +429,19 @@ def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> 
     """Judge whether the leakage of a run is within a limit, and find the action that would narrow its 95 % interval."""
     steps = curve.steps
     assembly_step = curve.assembly_step
-    is_met = within(curve.leakage, limit)
-    is_met_with_interval = within(curve.upper, limit)
-    # steps on loading at which the computed leakage meets the limit, but the upper end of its interval does not
-    vague_steps = np.flatnonzero(is_met & ~is_met_with_interval & steps.on_loading)
     interval_facts: dict[str, Any] = {}
     budget = results.budget
-    if vague_steps.size and budget is not None:
-        step = int(vague_steps[-1])
-        if assembly_step in vague_steps:
-            step = assembly_step
-        source = budget.limiting(step)
+    uncertain_step = _uncertain_step(curve, limit)
+    if uncertain_step is not None and budget is not None:
+        source = budget.limiting(uncertain_step)
         interval_facts = {
-            "vague_load": float(steps.pressures[step]),
+            "vague_load": float(steps.pressures[uncertain_step]),
             "widest_source": source,
             "narrowed_by": narrowed_by(results, source),
         }
+    met_with_interval = None
+    if curve.has_interval:
+        met_with_interval = bool(within(curve.upper, limit)[assembly_step])
     (leak_class,) = leak_classes([name])
     is_unknown = np.isinf(curve.leakage[assembly_step])
     step_names = load_names(results.dataset)
@@ -454,8 +451,8 @@ def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> 
         fluid=deciding_fluid(results),
         is_own_limit=not leak_class.family,
         assembly_load=float(steps.pressures[assembly_step]),
-        met_as_computed=bool(is_met[assembly_step]),
-        met_with_interval=bool(is_met_with_interval[assembly_step]) if curve.has_interval else None,
+        met_as_computed=bool(within(curve.leakage, limit)[assembly_step]),
+        met_with_interval=met_with_interval,
         may_be_met=bool(within(curve.lower, limit)[assembly_step]),
         unknown=why_unknown(results, assembly_step) if is_unknown else "",
         assembly=curve.needed(limit),
@@ -463,6 +460,23 @@ def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> 
         failed=tuple(step_names[step] for step in np.flatnonzero(results.has_failed)),
         **interval_facts,
     )
+
+
+def _uncertain_step(curve: LeakageCurve, limit: float) -> int | None:
+    """Return the step on loading whose interval should be narrower to be sure that the limit is met.
+
+    At this step, the computed leakage is within the limit, but the upper end of its 95 % interval is not. If several
+    steps have this property, the assembly step is preferred, and otherwise the step with the highest load is returned.
+    The function returns None if no step has this property.
+    """
+    is_uncertain = within(curve.leakage, limit) & ~within(curve.upper, limit)
+    # in rising order of load
+    uncertain_steps = np.flatnonzero(is_uncertain & curve.steps.on_loading)
+    if not uncertain_steps.size:
+        return None
+    if curve.assembly_step in uncertain_steps:
+        return curve.assembly_step
+    return int(uncertain_steps[-1])
 
 
 def why_unknown(results: Results, step: int) -> str:

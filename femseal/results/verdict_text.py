@@ -274,10 +274,12 @@ class _Answer:
         - If the computed leakage at the assembly load does not meet a class, say what lowers the leakage, and by which
           factor the leakage must be lowered.
         """
-        if verdicts and all(verdict.met_with_interval for verdict in verdicts):
+        is_surely_met = bool(verdicts) and all(verdict.met_with_interval for verdict in verdicts)
+        if is_surely_met:
             return self._narrowing(self._vague_step(verdicts))
         sentences = []
-        if all(verdict.met_as_computed for verdict in verdicts):
+        is_met = all(verdict.met_as_computed for verdict in verdicts)  # also True without classes
+        if is_met:
             sentences += self._narrowing(self.step)
         lowered = self._lowering()
         if lowered:

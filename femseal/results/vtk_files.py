@@ -292,8 +292,8 @@ def _cells_of_face(name: str, data: xarray.Dataset, dims: Dimensions) -> Cells:
     loads = loads_of(data, load_dim)
     row_edges = _edges(data[row_dim].values)
     column_edges = _edges(data[column_dim].values)
-    x1, x2 = np.meshgrid(row_edges, column_edges, indexing="ij")
-    # for x1 and x2: the coordinate of the four corners, counter-clockwise, (row, column, corner)
+    x1, x2 = np.meshgrid(row_edges, column_edges, indexing="ij")  # (row + 1, column + 1)
+    # x1 and x2 of the four corners of each cell, counter-clockwise, (row, column, corner)
     corners = [
         np.stack([x[:-1, :-1], x[1:, :-1], x[1:, 1:], x[:-1, 1:]], axis=-1) for x in (x1, x2)
     ]

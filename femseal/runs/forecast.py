@@ -221,8 +221,8 @@ def forecast(
             inputs.append(replace(prepared, methods=methods, scene=scene))
         fewest_costs = _study_costs(inputs, FEWEST_SEALS)
         most_costs = _study_costs(inputs, MOST_SEALS)
-    # The working arrays of a study are freed before the next one. The studies are solved one after the other, so that
-    # the largest one determines the memory.
+    # The studies are solved one after the other, and the working arrays of a study are freed before the next study
+    # begins. The memory is therefore determined by the largest study.
     pixels = max(version.scene.surface.heights.size for version in inputs)
     memory = START_MEMORY + max(cost.memory for cost in fewest_costs)
     if pixels > KEPT_POINTS:
@@ -412,7 +412,7 @@ def _store_size(prepared: Prepared) -> float:
     pixels = prod(scene.surface.shape)
     # For each load from which the seal is unloaded, the plastic deformation is stored in double precision, because the
     # unloading begins with this deformation.
-    plastic_deformation = 8.0 * pixels
+    plastic_deformation = 8.0 * pixels  # [byte]
     size = 0.0
     if "stochastic" in prepared.methods:
         _, tiles = prepared.cut_and_tiles
