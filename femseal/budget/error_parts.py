@@ -128,6 +128,7 @@ class ErrorPart:
         """
         q = np.asarray(leakage, dtype=float)
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            # a power of end/q multiplies the distance ln(end/q)
             lower, upper = (
                 np.where(q == 0, end, q * (end / q) ** factor) for end in (self.lower, self.upper)
             )

@@ -101,7 +101,11 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     q = np.abs(leakage)
 
     def half_width(values: Array, usual_half_width: Array) -> Array:
-        """Compute the half-width of Student's interval from values (patches, steps) and the usual half-width."""
+        """Compute the half-width (steps,) of Student's interval.
+
+        values : ln(leakage) or leakage without one of the patches, array (patch that is left out, steps).
+        usual_half_width : half-width that is expected from the contact state (steps,).
+        """
         # The jackknife variance of a mean is (n − 1)/n Σ(v − v̄)² = (n − 1) var(v), where each value v leaves out one
         # of the n patches.
         jackknife_variance = (count - 1) * values.var(axis=0)
@@ -109,6 +113,7 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
         weighted_sum = _PATCH_FREEDOM * usual_variance + (count - 1) * jackknife_variance
         return student * np.sqrt(weighted_sum / freedom)
 
+    # distances from ln(leakage) to the lower and to the upper end of the interval
     with np.errstate(divide="ignore", invalid="ignore"):
         usual_below = np.log(q / np.abs(usual.lower))
         usual_above = np.log(np.abs(usual.upper) / q)
@@ -124,7 +129,8 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
         f"usual for their contact state; {patches_to_halve(count)} more would halve it"
     )
     part = ErrorPart.from_distances("patches", leakage, below, above, note)
-    # if the seal with all patches is sealed, its leakage without one of the patches shows how much it may leak
+    # If the seal with all patches is sealed, its leakage without one of the patches shows how much it may leak. The
+    # factor is that of Student's interval around the largest of these leakages, with a relative scatter of 1.
     upper_if_sealed = np.maximum((1 + student) * np.max(without, axis=0), usual.upper)
     return replace(part, upper=np.where(leakage == 0, upper_if_sealed, part.upper))
 

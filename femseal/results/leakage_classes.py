@@ -176,6 +176,7 @@ def tightest_classes(data: xarray.Dataset) -> list[str]:
     if "leak_class" not in data.coords:
         return []
     classes = leak_classes(data["leak_class"].values.tolist())
+    # in this order, a tighter class comes after a wider class
     largest_limit_first = np.argsort(data["class_limit"].values, kind="stable")[::-1]
     met_by_step = data["class_met"].values.T  # (step, leak_class)
     fraction_by_step = data["class_fraction"].values.T
@@ -186,7 +187,7 @@ def tightest_classes(data: xarray.Dataset) -> list[str]:
         elif np.isnan(fraction).all():
             texts.append("failed")
         else:
-            # class by standard; a tighter class replaces a wider one of the same standard
+            # class that is met, by standard; a tighter class replaces a wider class of the same standard
             tightest: dict[str, str] = {}
             for number in largest_limit_first:
                 leak_class = classes[number]

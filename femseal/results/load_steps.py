@@ -103,16 +103,22 @@ def force_scale(data: xarray.Dataset) -> ForceScale | None:
     """Return the scale that converts nominal pressures to forces, None if the case gives its loads as pressures."""
     table = json.loads(data.attrs.get("case", "{}")).get("load", {})
     loads = [*(table.get("loading") or ()), *(table.get("unload_from") or ())]
-    # a force is stored as text with its unit, a pressure as a number
+    # A force is stored as text with its unit, such as "2000.0 N", and a pressure as a number. All loads of a case have
+    # the same unit, N or N/m.
     words = [str(load).split() for load in loads]
     if not words or len(words[0]) < 2:
         return None
-    highest_force = max(float(number) for number, _ in words)
-    unit, factor = "N", 1.0
-    if words[0][1] == "N/m":
-        unit, factor = "N/mm", 1e-3
+    highest_force = max(float(number) for number, _ in words)  # [N] or [N/m]
+    si_unit = words[0][1]
+    unit = "N"
+    factor = 1.0  # value in `unit` of a force of 1 in SI
+    if si_unit == "N/m":
+        unit = "N/mm"
+        factor = 1e-3
     elif highest_force >= 1e3:
-        unit, factor = "kN", 1e-3
+        unit = "kN"
+        factor = 1e-3
+    # the highest force causes the highest nominal pressure
     highest_pressure = data["nominal_pressure"].values.max()
     return ForceScale(unit, factor * highest_force / highest_pressure)
 

@@ -164,7 +164,7 @@ def _narrowing(results: Results, budget: ErrorBudget, source: str, step: int) ->
     if source == "patch":
         action, area_ratio = _larger_patch(results)
         factor = _patch_factor(results, step, area_ratio)
-    is_best_case = not action
+    is_best_case = not action  # no factor is known
     if is_best_case:
         action = narrowed_by(results, source) or f"a smaller error of the source '{source}'"
     factors = np.full(np.shape(budget.leakage), factor)
@@ -244,7 +244,7 @@ def _slope_over_load(results: Results, leakage: Array, step: int) -> float:
     before = loading[steps.pressures[loading] < steps.pressures[step]]
     if not before.size:
         return np.nan
-    pair = [int(before[-1]), step]
+    pair = [int(before[-1]), step]  # on loading, the steps are in rising order of load
     pressures = steps.pressures[pair]
     leakages = np.abs(np.asarray(leakage)[pair])
     if not ((pressures > 0) & (leakages > 0) & np.isfinite(leakages)).all():

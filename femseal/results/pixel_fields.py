@@ -79,7 +79,7 @@ def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
         return np.arange(0), []
     count = run.dataset.sizes["step"]
     fitting = int(min(limit // size_of_step, count))
-    # divide the programme into as many equal parts as steps fit, and choose the step in the middle of each part
+    # divide the load programme into `fitting` equal parts, and choose the step in the middle of each part
     chosen = ((np.arange(fitting) + 0.5) * count / max(fitting, 1)).astype(int)
     if fitting and run.peak not in chosen:
         nearest = np.argmin(np.abs(chosen - run.peak))
@@ -290,7 +290,7 @@ def _in_window(values: xarray.DataArray, window: Window) -> xarray.DataArray:
     pixel, _corner = _pixel_and_corner(values)
     sides = np.multiply(values.shape, pixel)
     part = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
-    # ends of the window along (x1, x2), as fractions of the sides
+    # first and last end of the window along (x1, x2), as fractions of the sides of the surface
     low, high = np.reshape(window, (2, 2)).T / sides
     is_inside = (low >= -_ROUNDING).all() and (high <= 1 + _ROUNDING).all()
     if not part.size or not is_inside:

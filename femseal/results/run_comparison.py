@@ -304,8 +304,9 @@ class RunComparison(Plotted):
             return None
         highest_first = sorted(loading, key=_pressure, reverse=True)
         for step in highest_first:
-            leaking_runs = int((self._ranking_at(step).leakage > 0).sum())
-            if leaking_runs > 1:
+            leakage = self._ranking_at(step).leakage  # (run,)
+            n_leaking_runs = int((leakage > 0).sum())
+            if n_leaking_runs > 1:
                 return step
         return highest_first[0]
 

@@ -539,6 +539,7 @@ def equivalent_width(results: Results) -> float:
         The seal is a mesh, or the pressure differs over the seal.
     """
     _check_uniform_pressure(results)
+    # from inlet to outlet, and along the seal; for a ring, the length is its mean circumference
     width, length = results.dataset.attrs["seal_size_m"]
     # without realisations, the seal is a strip as large as the face
     if results.method != "median":

@@ -288,9 +288,11 @@ def format_interval(low: float, high: float, factor: float, leakage: float) -> s
         return "unknown"
     if np.isinf(high):
         return "open or sealed" if low == 0 else f"{format_leakage(low, factor)} or more"
-    digits = 2 if high > _NARROW_RATIO * low else 3
+    is_narrow = high <= _NARROW_RATIO * low
+    digits = 3 if is_narrow else 2
     lower = number_text(low / factor, digits) if low else "sealed"
     upper = number_text(high / factor, digits) if high else "sealed"
+    # ends that differ from the leakage by more than a factor of `VAGUE`
     if 0 < VAGUE * low < magnitude:
         lower = "≈0"
     if high > VAGUE * magnitude > 0:

@@ -292,6 +292,7 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
         throughput_state = f" at {basis.throughput_temperature:g} K"
 
     def add_total(suffix: str, unit_name: str, si_unit: str, measure: str) -> None:
+        """Add the variable `leakage_total` + suffix, if the unit suits the fluid."""
         unit = LEAK_UNITS[unit_name]
         if basis.has(unit):
             values = leakage.values / basis.factor(unit)
@@ -301,6 +302,7 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
     add_total("", "m³/s", "m^3/s", f"by volume{volume_state}")
     add_total("_mass", "kg/s", "kg/s", "by mass")
     add_total("_throughput", "Pa·m³/s", "Pa*m^3/s", f"pressure × volume{throughput_state}")
+    # the leakage in every unit that suits the fluid, (unit, step)
     units = basis.units()
     add_coordinate(data, "leak_unit", "1", "unit of leakage", [unit.name for unit in units])
     in_units = np.array([leakage.values / basis.factor(unit) for unit in units])

@@ -311,6 +311,7 @@ def _edges(centres: Array) -> list[float]:
     """Compute the edges of adjacent cells from the centres of the cells; the first edge is at 0."""
     edges = [0.0]
     for centre in centres:
+        # a centre is midway between two edges
         edges.append(2 * centre - edges[-1])
     return edges
 
