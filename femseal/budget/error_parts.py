@@ -186,7 +186,7 @@ class ErrorBudget:
         """Upper end of the 95 % interval (steps,) [m²/s].
 
         The distance from ln(leakage) to the logarithm of the upper end is √Σd², where each error source contributes its
-        own distance d. At a sealed step, ln(leakage) does not exist; there, the upper end of the budget is the largest
+        own distance d. At a sealed step, ln(leakage) does not exist, and the upper end of the budget is the largest
         upper end of all error sources.
         """
         return self._ends[1]
@@ -254,10 +254,10 @@ def within_others(
 ) -> tuple[Array, Array]:
     """Limit the interval of each load step by the intervals of the other steps.
 
-    Two rules are used. On loading, and on each unloading, the leakage does not rise with the load. Under equal loads,
-    the leakage on unloading is not larger than the leakage on loading. If the computed leakage breaks one of these
-    rules, for example because the pressure map changes with the load, the intervals are returned unchanged. Unknown
-    ends of intervals remain unknown, and each interval contains the leakage of its step.
+    The limits follow from two rules for the leakage. On loading, and on each unloading, the leakage does not rise with
+    the load. Under equal loads, the leakage on unloading is not larger than the leakage on loading. If the computed
+    leakage breaks one of the two rules, for example because the pressure map changes with the load, the intervals are
+    returned unchanged. Unknown ends of intervals remain unknown, and each interval contains the leakage of its step.
 
     Returns the lower and the upper ends of the intervals, arrays (steps,) [m²/s].
     """
@@ -460,8 +460,8 @@ def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Arra
 
     The slope is computed from the leakages under neighbouring loads, but is at least `expected_sensitivity`. If the
     neighbouring loads give no slope, because they do not leak, the slope is estimated as `STEEPEST` times
-    `expected_sensitivity`. In nine of ten contact states, the true slope is not larger than this estimate, so that
-    intervals that are computed from the slope are wide enough.
+    `expected_sensitivity`. In nine of ten contact states, the true slope is at most `STEEPEST` times
+    `expected_sensitivity`, so that intervals that are computed from the slope are wide enough.
 
     in_contact : contact fraction (steps,), NaN where it is unknown.
     """
@@ -524,7 +524,7 @@ def sealed_upper(
 ) -> Array:
     """Estimate how much the seal may leak at load steps at which the computed leakage is 0.
 
-    Returns the upper end of the 95 % interval at these sealed steps, and 0 at leaking steps, array (steps,) [m²/s].
+    Returns the upper end of the 95 % interval at sealed steps, and 0 at leaking steps, array (steps,) [m²/s].
 
     An error of ln(leakage) has the effect of a shift of ln(load), see `_load_shift`. If the shift of the load may open
     the seal at a sealed step, the step may leak as much as the nearest leaking step with a lower load, up to the upper
@@ -568,10 +568,10 @@ def sealed_upper(
 
 
 def _leaks_no_less_at_lower_load(steps: LoadProgramme, step: int) -> Flags:
-    """Return for each step whether it leaks at least as much as a given step, provided that its load is not higher.
+    """Flag the steps that leak at least as much as a given step, provided that their load is not higher.
 
-    All steps on loading have this property. For a given step on unloading, the steps of the same unloading branch have
-    this property as well.
+    All steps on loading are flagged. If the given step is on an unloading branch, the steps of this branch are flagged
+    as well.
     """
     loading, peaks = steps.on_loading, steps.peak_indices
     same_unloading = ~loading[step] & (peaks == peaks[step])
@@ -646,8 +646,8 @@ def pixels_part(
     half the points along each side, see `scale_of_changes`. The term s is the change of ln(leakage) under a small shift
     of the load. The term s keeps the interval from being too narrow if the change between the grids is small by chance.
 
-    The lower end of the interval is 0 in two cases, because the seal may then be sealed: the coarser grid does not
-    leak, or the last leakage path is about to close and the half-width is larger than `_MAY_CLOSE`.
+    The lower end of the interval is 0 at steps at which the coarser grid does not leak. The lower end is also 0 at
+    steps at which the last leakage path is about to close and the half-width is larger than `_MAY_CLOSE`.
 
     Parameters
     ----------

@@ -196,7 +196,7 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     """Estimate the error of subtracting the fluid pressure from the load of a cell, without coupling contact and flow.
 
     The error is only estimated for stochastic seals with cells at random, if the fluid pressure acts on the surfaces.
-    The result is None for all other studies.
+    The function returns None for a study to which the error does not apply.
 
     The error of ln(leakage) is a fraction of the change of ln(leakage) that the fluid pressure causes. The fraction was
     measured on seven surfaces whose width is four times their longest wavelength, under inlet pressures of 0.1 to 1

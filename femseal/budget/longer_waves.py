@@ -59,7 +59,7 @@ class DrawnForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wave that the form deviation has in common with the patch [m]; inf, because there is none."""
+        """Shortest wave that the form deviation has in common with the patch [m]; always inf, for no common wave."""
         return np.inf
 
     def heights(self, points: Array, frame: Frame) -> Array:

@@ -135,10 +135,11 @@ def continuation_part(
 ) -> ErrorPart:
     """Estimate the error of extrapolating the spectrum to waves that were not measured.
 
-    The error is √(a² + b²). The contribution `a` is the scatter of ln(leakage) between surfaces whose extrapolated
-    waves have different random phases. The phases of the true surface are unknown. The true surface is regarded as a
-    further sample of such surfaces, and the contribution `a` is the half-width of Student's prediction interval for a
-    further sample. The contribution `b` is the effect of waves shorter than the cut-off wavelength, see `filter_part`.
+    The half-width of the interval of ln(leakage) is √(a² + b²), with two contributions `a` and `b`. The contribution
+    `a` is the scatter of ln(leakage) between surfaces whose extrapolated waves have different random phases. The phases
+    of the true surface are unknown. The true surface is regarded as a further sample of such surfaces, and the
+    contribution `a` is the half-width of Student's prediction interval for a further sample. The contribution `b` is
+    the effect of waves shorter than the cut-off wavelength, see `filter_part`.
 
     Parameters
     ----------
@@ -147,8 +148,8 @@ def continuation_part(
     in_contact : contact fraction, array (steps,).
     others : solutions in which the extrapolated waves have other random phases.
     shorter : solution without the shortest octave of the waves above the cut-off.
-    slope_ratio : rms slope of the surface, divided by the rms slope of the surface with the relevant waves shorter than
-        the cut-off.
+    slope_ratio : rms slope of the surface, divided by the rms slope that includes the relevant waves shorter than the
+        cut-off.
     """
     steps = scene.steps
     n = len(others) + 1
@@ -224,8 +225,8 @@ def sealed_for_certain(in_contact: Array, slope_ratio: float = 1.0) -> Flags:
 def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_ratio: float) -> Array:
     """Estimate the leakage (steps,) at the load of each step, multiplied by the factor slope_ratio**LOAD_POWER.
 
-    The factor is at most 1. The leakage under the reduced load is 0 where the surface is sealed under both the load of
-    the step and the reduced load.
+    The leakage under the reduced load is 0 where the surface is sealed under the load of the step and also under the
+    reduced load.
 
     At a step on unloading, the leakage under the reduced load is read from the same unloading branch. If all loads of
     the cycle were reduced, the highest load before unloading would be lower as well. The leakage on unloading is

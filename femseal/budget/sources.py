@@ -1,10 +1,10 @@
 """List the error sources of the leakage of a run.
 
-The list is `SOURCES`. A run evaluates its error sources, and the forecast of a run counts the solutions that they need.
-An error source consists of two functions. The function `versions` lists the modified versions of the input that must be
-solved. The function `parts` estimates the error of a study from the leakages of these versions. To add an error source,
-write the two functions and enter them into `SOURCES`. If the error source belongs to the model or to its input, also
-enter its name into `MODEL_PARTS`.
+The list of error sources is `SOURCES`. A run evaluates its error sources, and the forecast of a run counts the
+solutions that they need. An error source consists of two functions. The function `versions` lists the modified versions
+of the input that must be solved. The function `parts` estimates the error of a study from the leakages of these
+versions. To add an error source, write the two functions and enter them into `SOURCES`. If the error source belongs to
+the model or to its input, also enter its name into `MODEL_PARTS`.
 """
 
 from __future__ import annotations
@@ -398,8 +398,8 @@ def budgets_of(
     request : input of the run and the options of its error budget.
     studies : results of the studies, by the key of the study.
     mapper : function like the builtin `map` that computes the items of a stage, for example in several processes.
-    known : error budgets that already contain the numerical errors, by the key of the study. Numerical errors are not
-        estimated again for these studies.
+    known : error budgets that already contain the numerical errors, by the key of the study. Numerical errors of the
+        studies in `known` are not estimated again.
 
     Returns the error budget of each study, by the key of the study.
     """

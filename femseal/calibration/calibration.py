@@ -417,7 +417,7 @@ def calibration_figure(calibration: Calibration) -> Figure:
 def _draw_samples(axes: Axes, calibration: Calibration, name: str) -> None:
     """Draw the samples of the posterior, and their median, with the hardness on the horizontal axis.
 
-    `name` is the name of the quantity on the vertical axis. If it is "shortest_wave", the hardness and the shortest
+    `name` is the name of the quantity on the vertical axis. If `name` is "shortest_wave", the hardness and the shortest
     wave of the simulations are drawn as well.
     """
     names = list(UNITS)

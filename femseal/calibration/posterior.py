@@ -182,10 +182,10 @@ class Posterior:
     def factor_density(self, plane: Array) -> FactorDensity:
         """Compute the posterior density of ln(factor) for several pairs of hardness and shortest wave.
 
-        The factor is fitted by generalised least squares. For each pair, let r be the residuals
-        ln(measured leakage) − ln(leakage of the model) over the rows of the test with a leakage. Their covariance C is
-        the sum of the covariance of the surrogate and of the variance of the test. The best constant value of
-        ln(factor) is 1·C⁻¹r / 1·C⁻¹1, with the variance 1 / 1·C⁻¹1, where 1 is a vector of ones.
+        The factor is fitted by generalised least squares. For each pair, let r be the residuals ln(measured leakage) −
+        ln(leakage of the model) over the rows of the test with a leakage. The covariance C of the residuals is the sum
+        of the covariance of the surrogate and of the variance of the test. The best constant value of ln(factor) is
+        1·C⁻¹r / 1·C⁻¹1, with the variance 1 / 1·C⁻¹1, where 1 is a vector of ones.
 
         plane : pairs of hardness and shortest wave, scaled to points of the unit square, array (pairs, 2).
         """

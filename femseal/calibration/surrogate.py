@@ -98,10 +98,10 @@ def _covariance(parameters: Array, a: Array, b: Array) -> Array:
 
         V (1 + (a − c)·(b − c)) + Σ A² exp(−Σ e_d),
 
-    where V is the variance of the trend coefficients, and c is the centre of the unit cube. The first sum is over the
-    smooth and the rough process, with the amplitude A of a process. The second sum is over the dimensions d, with
-    e_d = r_d²/2 and the distance r_d of the points in correlation lengths. For the last dimension of the rough process,
-    e_d = r_d.
+    with the variance V of the trend coefficients and the centre c of the unit cube. The first sum is over the smooth
+    and the rough process, with the amplitude A of a process. The second sum is over the dimensions d, with e_d = r_d²/2
+    and the distance r_d of the points in correlation lengths. For the last dimension of the rough process, e_d is equal
+    to r_d.
 
     parameters : ln(amplitude) and ln(correlation lengths) of the smooth process, then ln(amplitude) and ln(correlation
         lengths) of the rough process.
@@ -251,7 +251,7 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
 
 @dataclass(frozen=True)
 class _LoadGroup:
-    """Hold a group of loads, at each of which exactly the same simulations leak.
+    """Hold a group of loads at which exactly the same simulations leak.
 
     loads : indices of the loads in the group. simulations : indices of the simulations that leak at the loads.
     """

@@ -54,7 +54,7 @@ def best_leakage(data: xarray.Dataset) -> xarray.DataArray:
 def open_steps(data: xarray.Dataset) -> list[int]:
     """Return the load steps at which the fluid carries the whole load.
 
-    At these load steps, the surfaces are separated and the leakage is unknown.
+    Where the fluid carries the whole load, the surfaces are separated and the leakage is unknown.
     """
     steps: list[int] = json.loads(data.attrs.get("open_steps", "[]"))
     return steps
@@ -99,8 +99,8 @@ def leak_basis_of(data: xarray.Dataset, prefix: str = "") -> LeakBasis:
 def asked_unit(data: xarray.Dataset) -> LeakUnit | None:
     """Return the leakage unit that is given in the case, None if the case gives no unit.
 
-    A unit for gases does not suit a liquid. The unit of the case may therefore suit the fluid of the case, the test
-    fluid, or both fluids.
+    The unit of the case may suit only the service fluid or only the test fluid, because units for gases do not suit
+    liquids.
     """
     return LEAK_UNITS.get(data.attrs.get("leakage_unit", ""))
 

@@ -15,8 +15,8 @@ def class_fluid(results: Results) -> FluidState | None:
     Returns
     -------
     FluidState or None
-        Fluid and its pressures according to the case. If the case contains no fluid that can be read, the fluid with
-        which results in memory were solved is returned, and None for results that were read from a file.
+        Fluid and pressures according to the case. If the fluid of the case cannot be read, the function returns the
+        fluid of the studies in memory, or None if no studies are in memory.
     """
     try:
         table = results.case.get("output", {}).get("test_fluid") or results.case["fluid"]

@@ -63,7 +63,7 @@ class RunFacts:
     quantiles : (float, float)
         Lower and upper quantile of the leakage of the realisations that are stored.
     warnings : tuple of str
-        Warnings about the case. In the dataset, the warnings of the studies follow these warnings.
+        Warnings about the case, which are stored in the dataset before the warnings of the studies.
     leakage_unit : str or None
         Unit of the leakage in tables, pictures and the report, see `base.leak_rates`. The unit must suit the service
         fluid or the test fluid. By default, a unit of leakage per unit seal length is chosen that gives readable
@@ -134,8 +134,8 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
     Raises
     ------
     InputError
-        No study is given, or the load programme of a study differs from the load programme of the scene. Also raised if
-        a leakage unit or a leakage class is unknown or does not suit the fluid.
+        No study is given, or the load programme of a study differs from the load programme of the scene. InputError is
+        also raised if a leakage unit or a leakage class is unknown or does not suit the fluid.
 
     Notes
     -----
@@ -250,7 +250,7 @@ def _width_of_rows(scene: Scene, stochastic: StudyResult | None) -> float:
 
 
 def _add_row_coordinate(data: xarray.Dataset, width: float) -> None:
-    """Add a coordinate with the positions of the row centres between inlet and outlet, at the distance `width` [m]."""
+    """Add a coordinate with the row centres between inlet and outlet, whose distance is `width` [m]."""
     count = data.sizes["row"]
     centres = (np.arange(count) + 0.5) * (width / count)
     variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", centres)

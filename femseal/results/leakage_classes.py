@@ -27,7 +27,7 @@ _ODD_LENGTH_RATIO = 1.5
 
 @dataclass(frozen=True, eq=False)
 class DecidingLeakage:
-    """Hold the leakage that is compared with leakage classes: of the test fluid or, without one, the service fluid.
+    """Hold the leakage of the test fluid or else of the service fluid, for comparison with leakage classes.
 
     Attributes
     ----------

@@ -250,8 +250,8 @@ def export_field(
     Raises
     ------
     InputError
-        The field or the format is unknown, or the step, the cell or the window does not exist. Also raised if the
-        results have no fields over pixels, or if a file cannot be written.
+        The field or the format is unknown, or the step, the cell or the window does not exist. InputError is also
+        raised if the results have no fields over pixels, or if a file cannot be written.
     """
     path = Path(path)
     if field not in FIELDS:

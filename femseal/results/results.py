@@ -127,8 +127,8 @@ class Results(Plotted):
     def asked_unit(self) -> LeakUnit | None:
         """Leakage unit that is given in the case, None if the case gives no unit.
 
-        A unit for gases does not suit a liquid. The unit of the case may therefore suit the fluid of the case, the test
-        fluid, or both fluids.
+        The unit of the case may suit only the service fluid or only the test fluid, because units for gases do not suit
+        liquids.
         """
         return best_leakage.asked_unit(self.dataset)
 
@@ -159,7 +159,7 @@ class Results(Plotted):
 
     @property
     def class_leakage(self) -> tuple[Array, Array]:
-        """Leakage for leakage classes (step,), and the same of each realisation (realisation, step) [m²/s]."""
+        """Class leakage (step,) and class leakage of the realisations (realisation, step) [m²/s], see `best_leakage`."""
         leakage = best_leakage.class_leakage_of(self.dataset)
         return leakage, best_leakage.class_leakage_of_realisations(self.dataset)
 

@@ -107,7 +107,7 @@ class RunComparison(Plotted):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Labels of the runs, which are the settings that differ in a sweep, or otherwise the names of the runs."""
+        """Labels of the runs, made from the settings that differ in a sweep, or equal to the names of the runs."""
         if not self.keys:
             return self.names
         varied = []  # for each key whose values differ, a text for each run
@@ -130,8 +130,8 @@ class RunComparison(Plotted):
         -------
         list of dict
             Each dictionary contains the name of the run, the settings of a sweep, the load, and the leakage in SI units
-            and in `unit`. The keys contain the units. If a run has no interval or no quantiles, the corresponding
-            values are NaN.
+            and in `unit`. The keys of a dictionary contain the units of the values. If a run has no interval or no
+            quantiles, the corresponding values are NaN.
         """
         rows = []
         for run, results in enumerate(self.runs):

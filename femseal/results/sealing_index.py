@@ -9,9 +9,9 @@ of the seal is
 
     q = D / ∫ dl/k,        D = (φ(p_in) − φ(p_out)) / ρ,
 
-where φ is the pressure potential of the fluid at the inlet pressure p_in and the outlet pressure p_out, and ρ is the
-density at which the volume of the leakage is given. For a liquid, D is the pressure drop divided by the viscosity. For
-an ideal gas, φ is proportional to the square of the pressure. If the permeability is a power of the contact pressure,
+with the pressure potential φ of the fluid at the inlet pressure p_in and at the outlet pressure p_out, and the density
+ρ at which the volume of the leakage is given. For a liquid, D is the pressure drop divided by the viscosity. For an
+ideal gas, φ is proportional to the square of the pressure. If the permeability is a power of the contact pressure,
 k = k₀ (p/p₀)⁻ⁿ, the leakage q is at most the limit q_class of a leakage class if and only if
 
     ∫ pⁿ dl ≥ p₀ⁿ k₀ D / q_class.

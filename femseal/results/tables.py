@@ -395,7 +395,7 @@ def as_chosen(case: dict[str, Any], attempts: dict[str, Any] | None) -> dict[str
 
 
 def half_width_text(attempt: dict[str, Any]) -> str:
-    """Format the half-width of the 95 % interval of ln(leakage) after an attempt; unknown is written as infinite."""
+    """Format the half-width of the 95 % interval of ln(leakage) after an attempt, with infinity for unknown."""
     width = attempt["half_width"]
     return format_deviation(inf if width is None else width)
 

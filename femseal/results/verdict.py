@@ -83,7 +83,7 @@ class NeededPressure:
 
     @property
     def relation(self) -> str:
-        """Sign between the required pressure and `bound(value)`, which is "=" if the pressure is known, ">" or "<="."""
+        """Sign between the required pressure and `bound(value)`, which is "=" only if the required pressure is known."""
         if self.value == inf:
             return ">"
         return "<=" if self.value == 0 else "="
@@ -463,11 +463,10 @@ def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> 
 
 
 def _uncertain_step(curve: LeakageCurve, limit: float) -> int | None:
-    """Return the step on loading whose interval should be narrower to be sure that the limit is met.
+    """Return a step on loading at which it is uncertain whether the leakage is within a limit, None if there is none.
 
-    At this step, the computed leakage is within the limit, but the upper end of its 95 % interval is not. If several
-    steps have this property, the assembly step is preferred, and otherwise the step with the highest load is returned.
-    The function returns None if no step has this property.
+    At an uncertain step, the computed leakage is within the limit, but the upper end of its 95 % interval is not. If
+    the assembly step is uncertain, it is returned. Otherwise, the uncertain step with the highest load is returned.
     """
     is_uncertain = within(curve.leakage, limit) & ~within(curve.upper, limit)
     # in rising order of load

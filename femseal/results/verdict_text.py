@@ -110,7 +110,7 @@ class _Answer:
     # --- leakage in usual units ---
 
     def usual_unit(self, value: float) -> LeakUnit:
-        """Return the unit for the leakage of the whole seal, which is the unit of the case or suits `value` [m²/s]."""
+        """Return the unit of the case, or else a unit that suits the leakage `value` [m²/s] of the whole seal."""
         basis, asked = self.results.class_basis, self.results.asked_unit
         if asked is not None and not asked.per_length and basis.has(asked):
             return asked
@@ -269,8 +269,8 @@ class _Answer:
 
         - If the 95 % interval at the assembly load meets all classes, say what narrows the interval at a lower load. At
           this lower load, the computed leakage meets a class, but the upper end of its interval does not.
-        - If the computed leakage at the assembly load meets all classes, but its interval does not, say what narrows
-          the interval and what lowers the leakage. Do the same if no classes are given.
+        - If the computed leakage at the assembly load meets all classes, but its interval does not, or if no classes
+          are given, say what narrows the interval and what lowers the leakage.
         - If the computed leakage at the assembly load does not meet a class, say what lowers the leakage, and by which
           factor the leakage must be lowered.
         """
@@ -294,7 +294,7 @@ class _Answer:
         """Return the step on loading with the highest load at which it is uncertain whether a class is met.
 
         At this step, the computed leakage is above 0 and meets a class, but the upper end of its 95 % interval does not
-        meet the class. The function returns None if there is no step of this kind.
+        meet the class. The function returns None if it is certain at every step whether the classes are met.
         """
         for step in falling_steps(self.curve.steps, None).tolist():
             leakage = self.curve.leakage[step]

@@ -44,7 +44,7 @@ _COMPRESSION = 1
 
 
 def loads_of(data: xarray.Dataset, dim: str = "step") -> Array:
-    """Return the nominal pressure of each load step, and the load from which it is unloaded, (step, 2) [Pa].
+    """Return the nominal pressure of each step, and the load from which the seal is unloaded, (step, 2) [Pa].
 
     The load from which the seal is unloaded is NaN on loading. If `dim` is "state", the rows of the array are for the
     contact states of the face instead of the load steps.
@@ -94,7 +94,7 @@ class Cells:
     ----------
     name : name of the files, see `write_series`.
     corners : positions of the corners of each cell, (cell, 3 or 4, 2) [m].
-    loads : nominal pressure of each step, and load from which it is unloaded (step, 2) [Pa], see `loads_of`.
+    loads : nominal pressure of each step, and load from which the seal is unloaded (step, 2) [Pa], see `loads_of`.
     data : arrays of the data by their names, (step, cell) for scalars and (step, cell, 3) for vectors.
     """
 

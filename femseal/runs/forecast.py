@@ -395,8 +395,8 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
 def _keeps_states(prepared: Prepared) -> bool:
     """Return whether a study keeps the contact states of the whole surface at all load steps until its end.
 
-    The contact states are not kept in a run with only a stochastic study with cells at random, because this study only
-    needs the permeabilities of the cells.
+    The contact states are not kept if the only study of the run is a stochastic study with cells at random, because
+    such a study only needs the permeabilities of the cells.
     """
     if prepared.methods != {"stochastic"}:
         return True

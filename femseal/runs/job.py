@@ -478,8 +478,7 @@ def refuse_finished(folder: Path, case: Case | None = None) -> None:
     folder : Path
         Results folder.
     case : Case, optional
-        Case of a resumed run, whose earlier results may be replaced. By default, the results of no case may be
-        replaced.
+        Case of a resumed run, whose earlier results may be replaced. By default, no earlier results may be replaced.
     """
     path = folder / FILE_NAME
     if path.is_symlink() or not path.is_file():
