@@ -159,7 +159,7 @@ class Results(Plotted):
 
     @property
     def class_leakage(self) -> tuple[Array, Array]:
-        """Class leakage (step,) and class leakage of the realisations (realisation, step) [m²/s], see `best_leakage`."""
+        """Class leakage (step,) and class leakage of each realisation (realisation, step) [m²/s]."""
         leakage = best_leakage.class_leakage_of(self.dataset)
         return leakage, best_leakage.class_leakage_of_realisations(self.dataset)
 

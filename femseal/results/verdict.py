@@ -83,7 +83,7 @@ class NeededPressure:
 
     @property
     def relation(self) -> str:
-        """Sign between the required pressure and `bound(value)`, which is "=" only if the required pressure is known."""
+        """Sign between the required pressure and `bound(value)`, which is "=" only if this pressure is known."""
         if self.value == inf:
             return ">"
         return "<=" if self.value == 0 else "="
