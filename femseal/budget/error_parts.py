@@ -550,7 +550,7 @@ def sealed_upper(
     pressure = steps.pressures
     for s in np.flatnonzero((q == 0) & ~np.isnan(change)):
         upper[s] = other_leakage[s]
-        leaks_no_less = _leaks_no_less_at_lower_load(steps, s)
+        leaks_no_less = _leaks_no_less_at_lower_load(steps, int(s))
         open_below = np.flatnonzero(leaks_no_less & is_open & (pressure <= pressure[s]))
         # The seal may be open at s if the shifted load is not above the lowest load at which the seal is sealed. If the
         # shifted load is higher, the seal is certainly sealed at s.
