@@ -37,7 +37,8 @@ CLOSED, RED = "#B0B0B0", "#D7191C"
 #: Colours that differ in grey as well, line styles and hatching.
 BRANCHES = (("loading", "#E69F00", "-", None), ("unloading", "#00467F", "--", "////"))
 PRINT = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "axes.grid": False,
-         "axes.linewidth": 0.6, "legend.frameon": False, "savefig.dpi": 300, "pdf.fonttype": 42}  # fmt: skip
+         "axes.linewidth": 0.6, "legend.frameon": False, "grid.alpha": 0.3,
+         "grid.linewidth": 0.4, "savefig.dpi": 300, "pdf.fonttype": 42}  # fmt: skip
 #: Colour, line and marker of cells, lengths and peaks.
 LINES = (("#D55E00", "-", "o"), ("#0072B2", "--", "s"), ("#009E73", "-.", "^"), ("#CC79A7", ":", "D"),
          ("#56B4E9", (0, (5, 1, 1, 1, 1, 1)), "v"))  # fmt: skip
@@ -78,7 +79,14 @@ def face_and_leakage(results: fs.Results) -> Figure:
     axes = curves.subplots()
     leakage = leakage_curves(results)
     handles = leakage_panel(axes, leakage)
-    axes.legend(handles=handles, title=leakage.title, handlelength=2.8)
+    axes.legend(
+        handles=handles,
+        title=leakage.title,
+        handlelength=2.8,
+        frameon=True,
+        framealpha=0.9,
+        edgecolor="none",
+    )
     return figure
 
 

@@ -19,10 +19,10 @@ from ..base.leak_units import LEAK_UNITS
 from ..case.case import Case
 from ..case.reading import parse_case
 from ..case.template import as_toml
-from ..materials import VICKERS_PRESSURE
+from ..materials import VICKERS_PRESSURE, named_solid
 from ..topography.profile_roughness import profile_roughness
 from .drawing_check import spacing_of_periodic_marks
-from .drawing_values import Drawing
+from .drawing_values import Drawing, Plating
 from .surface import condition_surface
 
 #: Ratio Rz/Ra from which the heights of the surface are estimated before they are scaled.
@@ -191,11 +191,7 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
         "hardness": to_text(drawing.hardness, "Pa", 3),
     }
     if drawing.plating is not None:
-        material["coating"] = {
-            "name": drawing.plating.metal,
-            "thickness": to_text(drawing.plating.thickness, "m", 5),
-            "hardness": to_text(drawing.plating.hardness, "Pa", 3),
-        }
+        material["coating"] = _coating(drawing.plating, "plating_hardness" in drawing.assumed)
     tables: dict[str, Any] = {
         "title": "Seal from a drawing",
         "method": "stochastic",
@@ -222,6 +218,25 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
         if not unit.per_length:
             tables["output"]["leakage_unit"] = unit.name
     return tables
+
+
+def _coating(plating: Plating, hardness_is_typical: bool) -> dict[str, Any]:
+    """Return the table of a plating.
+
+    The name of the metal stands in the table only if the hardness is the typical one of this metal: platings are often
+    much harder, and a case warns of a hardness that is not typical of the name.
+    """
+    thickness = to_text(plating.thickness, "m", 5)
+    hardness = to_text(plating.hardness, "Pa", 3)
+    if hardness_is_typical:
+        return {"name": plating.metal, "thickness": thickness, "hardness": hardness}
+    solid = named_solid(plating.metal)
+    return {
+        "thickness": thickness,
+        "young": to_text(solid.young, "Pa", 3),
+        "poisson": solid.poisson,
+        "hardness": hardness,
+    }
 
 
 def _force(value: float) -> str:
@@ -302,9 +317,8 @@ def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str
         hardness_comment = f"{assumed('hardness')}{vickers}, below the plating"
         force_comment += " of the plating"
         plating_vickers = _vickers_text(drawing.plating.hardness)
-        coating_comment = (
-            f"{assumed('plating_hardness')}{plating_vickers}; measure it on the plating"
-        )
+        metal = drawing.plating.metal.partition(",")[0]
+        coating_comment = f"{metal}, {assumed('plating_hardness')}{plating_vickers}"
     length_comment = f"{assumed('inner_diameter', 'outer_diameter')}mean circumference of the ring"
     return {
         ("face", "points"): points_comment,
