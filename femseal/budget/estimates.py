@@ -386,6 +386,7 @@ class NumericalErrors:
     """
 
     def __init__(self, scene: Scene, study: StudyResult) -> None:
+        """Read the leakage and the contact fraction at every step (steps,) from the result of a study."""
         self.scene = scene
         self.study = study
         self.leakage = study_of_result(study).leakage(study)

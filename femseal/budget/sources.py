@@ -119,6 +119,7 @@ class Evaluation:
     """Solve the versions of the input that the error sources need, each version only once."""
 
     def __init__(self, request: BudgetRequest, mapper: Mapper) -> None:
+        """Keep the request and the mapper; nothing is solved yet."""
         self.request = request
         self.mapper = mapper
         # each solved version and its leakages, by the identity of the version

@@ -136,6 +136,7 @@ def loads_as_given(data: xarray.Dataset, digits: int = 4) -> Callable[[float], s
     scale = force_scale(data)
 
     def text(pressure: float) -> str:
+        """Return a nominal pressure [Pa] as text, with the force if the case gives forces."""
         nominal = to_text(pressure, "Pa", digits)
         if scale is None:
             return nominal

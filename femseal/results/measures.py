@@ -205,6 +205,7 @@ def _patch_factor(results: Results, step: int, area_ratio: float) -> float:
     factor_of_independent_samples = area_ratio**-0.5
     if "state_flow_carriers" not in data:
         return factor_of_independent_samples
+    # number N of blocks that carry the flow, in the contact state whose load is nearest to the load of the step
     state_pressures = data["state_nominal_pressure"].values
     distance = np.abs(state_pressures - data["nominal_pressure"].values[step])
     nearest_state = int(np.argmin(distance))

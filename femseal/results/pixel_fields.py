@@ -102,6 +102,7 @@ def write_fields(run: Results, steps: Indices, folder: Path) -> list[Path]:
     loads = vtk_files.loads_of(run.dataset)
 
     def pixels(step: int) -> Iterator[tuple[str, NDArray[np.float32]]]:
+        """Yield the name of the array and the values (x1, x2) of each field, in the unit of the array."""
         for field, values in _fields_in_memory(run):
             yield field.array_name, values[step] * np.float32(field.scale)
             give_back(values)

@@ -307,7 +307,7 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
     # For each seal, the first step that exceeds the limit, and the step before it; `argmin` finds the first False. The
     # two indices are 0 if no step exceeds the limit, or if already the first step exceeds the limit. The result for
     # these seals is set at the end.
-    first_above = np.argmin(is_within, axis=1)
+    first_above = np.argmin(is_within, axis=1)  # (seal,)
     last_within = np.maximum(first_above - 1, 0)
     pressure_within, pressure_above = pressure[last_within], pressure[first_above]
     leakage_within, leakage_above = leakage[seals, last_within], leakage[seals, first_above]
@@ -320,7 +320,9 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
         fraction = np.clip(np.where(can_interpolate, fraction, 0.0), 0, 1)
         interpolated = pressure_within * (pressure_above / pressure_within) ** fraction
     crossing = np.where(can_interpolate, interpolated, pressure_within)
-    crossing = np.where(first_above == 0, inf, crossing)
+    crossing = np.where(
+        first_above == 0, inf, crossing
+    )  # also replaces seals that never exceed the limit
     return np.where(is_within.all(axis=1), 0.0, crossing)
 
 

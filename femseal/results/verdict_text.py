@@ -64,6 +64,7 @@ def verdict_paragraphs(
     answer = _Answer(results)
     paragraphs = [answer.about_class(verdict, len(verdicts)) for verdict in verdicts]
     classes = leak_classes([verdict.name for verdict in verdicts])
+    # a class with a limit for the whole seal has already been compared with the leakage of the whole seal
     if not any(not LEAK_UNITS[leak_class.unit].per_length for leak_class in classes):
         paragraphs.append(answer.about_leakage(with_cycle=not verdicts))
     paragraphs.append(answer.about_service())
@@ -95,6 +96,7 @@ class _Answer:
     """Write the sentences about a run, based on its leakage curve and its assembly load."""
 
     def __init__(self, results: Results) -> None:
+        """Read what several sentences need: leakage curve, assembly load, and fluid of the leakage classes."""
         self.results = results
         self.curve = LeakageCurve.of_results(results)
         self.load_text = loads_as_given(results.dataset, 3)
@@ -315,6 +317,7 @@ class _Answer:
         factor = self.results.class_basis.factor(unit)
 
         def interval_text(lower: float, upper: float) -> str:
+            """Return an interval of the leakage as text, in the unit that suits the leakage."""
             return with_leak_unit(format_interval(lower, upper, factor, leakage), unit)
 
         lower, upper = float(self.curve.lower[step]), float(self.curve.upper[step])

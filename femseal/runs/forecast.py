@@ -219,6 +219,7 @@ def forecast(
             methods = frozenset({prepared.answer.name})
             scene = test_fluid.state.in_scene(prepared.scene)
             inputs.append(replace(prepared, methods=methods, scene=scene))
+        # if the number of realisations is chosen during the run, it lies between these two numbers
         fewest_costs = _study_costs(inputs, FEWEST_SEALS)
         most_costs = _study_costs(inputs, MOST_SEALS)
     # The studies are solved one after the other, and the working arrays of a study are freed before the next study

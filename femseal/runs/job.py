@@ -452,8 +452,10 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     except (FemsealError, ValueError, TypeError, RecursionError):
         return None
     echo = case.echo()
+    # results of another case, or from other input files
     if _without_file_keys(results.case) != _without_file_keys(echo) or former_faces != faces:
         return None
+    # the settings that the program chooses may have changed with its version or with the code of the user
     prepared = prepare(case)
     has_same_settings = former_settings == _settings(case, prepared)
     if has_same_settings and results.case == echo:
@@ -461,6 +463,7 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     if not has_same_settings or _needs_new_fields(results.case["output"], echo["output"]):
         log.info("the results in %s lack fields, or have other settings: they are replaced", folder)
         return None
+    # only the files differ: write them from the results
     with alone_in(folder):
         results.dataset.attrs["case"] = json.dumps(echo, ensure_ascii=False)
         options = {key: value for key, value in case.output.files.items() if key != "fields_limit"}
