@@ -320,9 +320,8 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
         fraction = np.clip(np.where(can_interpolate, fraction, 0.0), 0, 1)
         interpolated = pressure_within * (pressure_above / pressure_within) ** fraction
     crossing = np.where(can_interpolate, interpolated, pressure_within)
-    crossing = np.where(
-        first_above == 0, inf, crossing
-    )  # also replaces seals that never exceed the limit
+    # the first step exceeds the limit, or no step does; the latter seals are set to 0 in the last line
+    crossing = np.where(first_above == 0, inf, crossing)
     return np.where(is_within.all(axis=1), 0.0, crossing)
 
 

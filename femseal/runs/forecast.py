@@ -109,7 +109,7 @@ def describe(case: Case, original: Prepared) -> list[str]:
     case : Case
         The case.
     original : Prepared
-        The prepared case, before its grid is changed to reach an accuracy.
+        The prepared case with the grid that the case gives, which may be refined to reach an accuracy.
 
     Returns
     -------

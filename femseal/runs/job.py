@@ -253,7 +253,7 @@ def _results(case: Case, original: Prepared, faces: dict[str, str], run: Run) ->
     case : Case
         The case.
     original : Prepared
-        The prepared case, before its grid is changed to reach an accuracy.
+        The prepared case with the grid that the case gives, which may be refined to reach an accuracy.
     faces : dict of str
         SHA-256 digest of each input file, by the path of the file, see `face_files`.
     run : Run
