@@ -90,7 +90,7 @@ class Evaluation(NamedTuple):
 
     delta : approach δ [m], minus the height that the solver has subtracted from the undeformed gap.
     residual : residual ‖p − y‖/‖y‖ · c₀/c.
-    sets_change : whether the sets should be changed in the next iteration.
+    sets_change : whether the active sets should be changed in the next iteration.
     """
 
     delta: float

@@ -179,8 +179,9 @@ class Convolution:
         n_waves = axis2.length // 2 + 1  # waves of a row
         length = row_length(n_waves, complex_type.itemsize)
         n_rows = axis1.points if transforms == 2 else axis1.length
-        size = n_rows * length * complex_type.itemsize
+        size = n_rows * length * complex_type.itemsize  # bytes
         self._memory: Any = fftw().empty_aligned(size, np.uint8) if over is None else over._memory
+        # long rows end with unused values, see `row_length`
         rows_of_waves = self._memory[:size].view(complex_type).reshape(n_rows, length)
         waves = rows_of_waves[:, :n_waves]
         self.pressure: Any = fftw().zeros_aligned(shape, dtype=real)

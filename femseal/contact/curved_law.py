@@ -143,8 +143,9 @@ def _solve_on_nested_grids(curve: _Curve, level: Level, rtol: float) -> Contact:
 
     The straight line of `level` is the tangent of the curve at u = 0. The contact on a coarse grid is first solved with
     the straight line, because the solver is faster with a line than with a curve. If the line differs from the curve at
-    the plastic deformations that result, the curve is used on all finer grids. The line is often sufficient: on first
-    loading if the deformations remain within a constant part of the curve, and on unloading if no point yields again.
+    the plastic deformations that result, the curve is used on all finer grids. The straight line is often sufficient:
+    on first loading if the plastic deformations remain within a constant part of the curve, and on unloading if no
+    point yields again.
     """
     offset = float(level.gap0.min())
     start, delta, needs_curve = _start_from_coarser_grids(curve, level, offset)

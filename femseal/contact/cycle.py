@@ -217,8 +217,8 @@ def load_states(
         `take` returns is yielded instead of the state.
     remember : callable, optional
         Function of a `Contact` that returns what the next load step needs to know about this contact, in addition to
-        the plastic deformation. The value is passed to `solve` at the next load step as the argument `remembered`. If
-        `remember` is given, the steps of first loading are solved one after another.
+        the plastic deformation. The value that `remember` returns is passed to `solve` at the next load step as the
+        argument `remembered`. If `remember` is given, the steps of first loading are solved one after another.
     memory : float
         Memory that is needed to solve a state and to call `take` [byte]. The required memory limits the number of
         states that are solved at the same time.

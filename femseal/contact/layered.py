@@ -164,11 +164,12 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
     kernel of `half_space.strip_symbol`, before the Fourier transform.
 
     Let q₁ be the wave number along the free axis, q₂ the wave number along the periodic or mirror axis, and q² = q₁² +
-    q₂². For q₂ > 0, the change is (1/2π) ∫ 2(S(qd) − 1)/(E₁* q) exp(i q₁ x) dq₁, averaged over pixels. The integral is
-    computed by the trapezoidal rule, which is a Fourier transform. Because the integrand is smooth, the rule converges
-    exponentially.
+    q₂². For q₂ > 0, the change of the displacement is (1/2π) ∫ 2(S(qd) − 1)/(E₁* q) exp(i q₁ x) dq₁, averaged over
+    pixels. The integral is computed by the trapezoidal rule, which is a Fourier transform. Because the integrand is
+    smooth, the rule converges exponentially.
 
-    For q₂ = 0, the change is a sum of logarithms, one logarithm for each exponential of the fit of S − 1.
+    For q₂ = 0, the change of the displacement is a sum of logarithms, one logarithm for each exponential of the fit of
+    S − 1.
 
     Parameters
     ----------

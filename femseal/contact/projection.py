@@ -251,17 +251,17 @@ def law_at(i, hardness, slope, c):
 
 
 @exact
-def projected(z, h, t):
+def projected(z, H, t):
     """Project a trial pressure z onto the pressures that the contact law allows.
 
-    The projected pressure is 0 for z < 0, z for z between 0 and the hardness `h`, and h + t (z − h) for larger z.
+    The projected pressure is 0 for z < 0, z for z between 0 and the hardness H, and H + t (z − H) for larger z.
 
     Returns the projected pressure and the state of the point.
     """
-    y = min(max(z, 0.0), h)
-    state = (y > 0.0) + (y >= h)  # without hardening: 0 out of contact, 1 elastic, 2 plastic
-    if t > 0.0 and state == 2:
-        return h + t * (z - h), 3
+    y = min(max(z, 0.0), H)
+    state = (y > 0.0) + (y >= H)  # without hardening: 0 out of contact, 1 elastic, 2 plastic
+    if t > 0.0 and state == 2:  # yields and hardens: state 3
+        return H + t * (z - H), 3
     return y, state
 
 
@@ -486,7 +486,7 @@ def set_pressures(first, end, c, delta, keep, hardness, slope, p, state, near, n
             n_free += 1
         else:
             carried += y
-        x[j] = y
+        x[j] = y  # from now on, `trial` holds the projected pressures
         p[i] = y
         state[i] = new_state
     return n_free, carried
@@ -512,9 +512,9 @@ def shift(first, end, c, uniform, hardness, slope, p, free, pressure):
     """Add the same pressure to some free points, and limit the new pressures to their bounds."""
     for k in range(first, end):
         i = free[k]
-        h, t = law_at(i, hardness, slope, c)
+        H, t = law_at(i, hardness, slope, c)
         y = max(pressure[k] + uniform, 0.0)
-        p[i] = min(y, h) if t == 0.0 else y
+        p[i] = min(y, H) if t == 0.0 else y  # a point that hardens has no upper bound
 
 
 @exact

@@ -154,8 +154,8 @@ def _increase_to_carry(law: ContactLaw, u: Array, load: float) -> float:
     changes, and the pressure remains the same.
 
     The increase is necessary, for example, if a soft coating has to yield through its whole thickness before the harder
-    substrate carries the load. Without the increase, all tangents would be horizontal lines at the constant hardness of
-    the coating, which cannot carry the load.
+    substrate carries the load. If the deformations were not increased, all tangents would be horizontal lines at the
+    constant hardness of the coating, which cannot carry the load.
 
     u : array (n1, n2), plastic deformation [m].
     load : nominal pressure [Pa].

@@ -304,7 +304,7 @@ def _index_map(n: int, boundary: str) -> Indices:
 
 
 def coarsened(values: Array) -> Array:
-    """Average values (n1, n2) over 2 × 2 points. If a number of points is odd, the last row or column is repeated."""
+    """Average values (n1, n2) over 2 × 2 points. If the number of rows or columns is odd, the last is repeated."""
     n1, n2 = values.shape
     if n1 % 2:
         values = np.concatenate((values, values[-1:]))

@@ -251,7 +251,8 @@ def _intervals_at(comparison: RunComparison, step: LoadStep) -> tuple[Array, Arr
 def _axis_positions(texts: list[str]) -> list[float]:
     """Choose the position of each value of a key on the horizontal axis.
 
-    If all values are numbers with the same unit, the positions are these numbers. If not, the positions are 0, 1, 2, …
+    If all values are numbers with the same unit, the positions are these numbers. If there are other values, the
+    positions are 0, 1, 2, …
 
     texts : values of the key as texts.
     """
