@@ -75,7 +75,8 @@ def global_contact(scene: fs.Scene, cells: tuple[int, int]) -> list[tuple]:
 def window_contact(gap0, raw_gap, body, pressure, hardness, deformation):
     """Solve the contact of a window, and return its gap and its plastic deformation [m].
 
-    Without a pressure, the gap is that of the filtered contact, moved apart until nothing overlaps.
+    If the pressure is 0, the result is the gap between the unfiltered surfaces and the plastic deformation of the
+    filtered contact. The surfaces are moved apart until they do not overlap.
     """
     if pressure == 0:
         apart = raw_gap + deformation

@@ -271,7 +271,7 @@ def _longer_waves(
 def _continuation(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Estimate the error of extrapolating the spectrum; unknown if one of the versions could not be solved."""
+    """Estimate the error of extrapolating the spectrum. The error is unknown if one of the modified surfaces failed."""
     version, grid = evaluation.request.version, evaluation.request.grid
     continuation = version.continuation
     unchanged = evaluation.solve(grid).get(solved_study(study_of_result(result)).key)

@@ -48,7 +48,7 @@ def key(
     ----------
     meaning : phrase that explains the key.
     default : value that is used if a case does not have the key; a key without a default is required.
-    start : value of the key, in TOML, in a file that `femseal new` writes.
+    start : initial value of the key, as TOML text, in the case file that `femseal new` writes.
     example : value, in TOML, that a file of `femseal new` shows in a comment. By default, the file shows the example of
         the quantity or, if the quantity has no example, the default value.
     since : version of femseal in which the key was introduced.

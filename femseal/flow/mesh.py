@@ -486,7 +486,7 @@ def _imbalance(rates: Array, energy: float) -> float:
     imbalance = max(abs(total), abs(inflow - energy)) / largest if largest > 0 else 0.0
     if not imbalance <= _MAX_IMBALANCE:
         raise NotConverged(
-            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {_MAX_IMBALANCE:.0e}; "
+            f"flow: the flow rates at inlet and outlet differ by {imbalance:.1e}, expected {_MAX_IMBALANCE:.0e}; "
             "try a smaller contrast of the permeability",
             imbalance,
         )

@@ -151,7 +151,7 @@ def solve_plain(
     allowed = max(MAX_IMBALANCE, 0.01 * wanted)
     if not imbalance <= allowed:
         raise NotConverged(
-            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {allowed:.0e}; "
+            f"flow: the flow rates at inlet and outlet differ by {imbalance:.1e}, expected {allowed:.0e}; "
             "try the solver 'elimination'",
             imbalance,
         )

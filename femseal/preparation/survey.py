@@ -306,7 +306,7 @@ def case_of_face(
     spacing: tuple[str, str] | None = None,
     height_unit: str | None = None,
 ) -> str:
-    """Write the text of a first case for a measured surface.
+    """Write a first case file for a measured surface, and return it as text.
 
     Material, load and fluid of the case are examples from the template, which the user has to replace. Comments in the
     case ask the user for all values that the file of the surface does not contain.

@@ -1,8 +1,8 @@
 """Define seals on meshes: `MeshSeal` has any plan shape, `ElementSeal` has a random permeability in each element.
 
 A mesh is checked for overlapping elements. Elements that are not neighbours may overlap as well, for example where two
-separate parts of the mesh lie on top of each other. At least one of two overlapping elements is at the boundary of the
-mesh, if no element overlaps its neighbours.
+separate parts of the mesh lie on top of each other. If no element overlaps its neighbours, then at least one of two
+overlapping elements is at the boundary of the mesh.
 """
 
 from __future__ import annotations

@@ -258,12 +258,12 @@ def _read_gwyddion_field(path: Path, file: Any, options: Reading) -> Raw:
 
 
 def _gwyddion_unit(field: dict[str, Any], name: str) -> str:
-    """Return a unit of a field of Gwyddion, such as "si_unit_z" for the heights; "none" if the field lacks it."""
+    """Return a unit of a Gwyddion data field, such as "si_unit_z" for the heights; "none" if the unit is not stated."""
     return field.get(name, {}).get("GwySIUnit", {}).get("unitstr") or "none"
 
 
 def _gwyddion_numbers(path: Path, field: dict[str, Any]) -> Array:
-    """Read the numbers (n1, n2) of a field of Gwyddion from its file."""
+    """Read the values of a Gwyddion data field from its file, as an array (n1, n2)."""
     n1, n2 = int(field["xres"]), int(field["yres"])
     # the numbers follow their count, which takes 4 bytes
     numbers = np.fromfile(path, "<f8", n1 * n2, offset=field["data"]["offset"] + 4)

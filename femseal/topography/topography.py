@@ -328,9 +328,10 @@ class Topography(Plotted):
     def form(self, order: int | None = None) -> Form:
         """Fit the mean (order 0), mean and tilt (1), or mean, tilt and curvature (2) to the defined points.
 
-        A map without a step at its borders has no tilt: a fitted plane would only follow the long waves of the map, and
-        subtracting the plane would leave a step where the map repeats itself. If the order is None, the function
-        therefore fits the mean, and the tilt along all axes along which the map is not `seamless`.
+        If the heights at opposite sides of a map agree, the map repeats itself and has no tilt. A plane fitted to such
+        a map would only follow the long waves, and subtracting the plane would create a step between the opposite
+        sides. If the order is None, the function therefore fits the mean, and the tilt along all axes along which the
+        map is not `seamless`.
 
         Raises
         ------

@@ -351,7 +351,7 @@ def _check_balance(
         imbalance = float(difference / conductance)
     if not imbalance <= allowed:
         raise NotConverged(
-            f"flow: inlet and outlet differ by {imbalance:.1e} of the flow, expected {allowed:.0e}; "
+            f"flow: the flow rates at inlet and outlet differ by {imbalance:.1e}, expected {allowed:.0e}; "
             "try the solver 'elimination'",
             imbalance,
         )
