@@ -20,14 +20,14 @@ import numpy as np
 from numba import njit
 from numba.extending import overload, register_jitable
 
-#: Number of threads that share the work on one array. It is 1 while other processes use all cores.
+#: Number of threads that share the work on one array: 1 while other processes use all cores.
 _threads = 1
 #: Approximate number of points in each part of a two-dimensional array.
 _POINTS = 2**17
 #: Approximate number of items in each part of a list. A loop over so many items takes a few tenths of a millisecond.
 _ITEMS = 2**16
-#: Typed constants for calls of compiled functions. In Numba a literal 0, 1, False or True has a separate type, for
-#: which the function would be compiled once more.
+#: Typed constants for calls of compiled functions. In Numba, a literal 0, 1, False or True has a separate type, so that
+#: a call with a literal would compile the function once more.
 ZERO, ONE, NO, YES = np.int64(0), np.int64(1), np.bool_(False), np.bool_(True)
 
 
@@ -73,7 +73,7 @@ def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> 
     threads : int
         Number of threads, including the calling thread. Each thread takes the next item as soon as it is free.
     work : callable
-        Function of one item.
+        Function that takes an item and returns a value.
     items : iterable
         The items.
     """
@@ -154,6 +154,7 @@ def by_rows(**options: Any) -> Callable[[Any], Any]:
     """
 
     def decorate(function: Any) -> Any:
+        # three functions: the compiled loop, its call from Python, and its call from compiled code
         loop = compiled(**options)(function)
 
         @wraps(function)
@@ -193,6 +194,7 @@ def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[An
     """
 
     def decorate(function: Any) -> Any:
+        # three functions: the compiled loop, its call from Python, and its call from compiled code
         loop = compiled(**options)(function)
 
         @wraps(function)

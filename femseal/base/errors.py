@@ -8,7 +8,7 @@ from typing import Any
 
 #: Longest user text that a message repeats [characters]. The middle of a longer text is left out.
 _LONGEST = 160
-#: Largest number of faults that one message lists.
+#: Largest number of inputs that one message lists.
 _MOST_FAULTS = 20
 #: Value of `InputError.given` when a required input is absent.
 MISSING = "missing"
@@ -85,6 +85,11 @@ class InputError(FemsealError, ValueError):
 
     def with_keys(self, keys: Mapping[str, str]) -> InputError:
         """Return a copy of the error in which keys of a case file replace the names of arguments.
+
+        The key of an argument replaces its name at the beginning of `what`, and in suggestions such as "shape=(4, 8)"
+        in `expected`.
+
+        keys : key in the case file of each argument, by the name of the argument.
 
         >>> error = InputError("wave", "1 µm", "2 µm, or shape=(4, 8)", {"shape": (4, 8)})
         >>> str(error.with_keys({"wave": "surface.shortest_wave", "shape": "surface.points"}))

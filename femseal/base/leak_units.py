@@ -94,10 +94,10 @@ def _parse_unit(name: str) -> LeakUnit:
 
 #: All units, by their name.
 LEAK_UNITS: dict[str, LeakUnit] = {name: _parse_unit(name) for name in _NAMES.split(", ")}
-#: Units in which every leakage is reported. For liquids the units of gases are left out.
+#: Units in which every leakage is reported. Units of gases are left out for liquids.
 USUAL_UNITS = ("m²/s", "mL/(m·min)", "mg/(m·s)", "m³/s", "mL/min", "drops/min", "kg/s", "g/year", "Pa·m³/s", "mbar·L/s",
         "std cm³/s")  # fmt: skip
-#: Units from which a readable one is chosen. Key: whether the unit is per length of seal.
+#: Units from which a readable unit is chosen. Key: whether the unit is per length of seal.
 _READABLE = {
     True: ("L/(m·s)", "mL/(m·s)", "µL/(m·s)", "nL/(m·s)", "pL/(m·s)"),
     False: ("L/min", "mL/min", "mL/h", "mL/year"),
@@ -176,6 +176,9 @@ def _factors(text: str) -> _Factors:
 
     Everything after a slash belongs to the denominator, because people write mg/s·m for mg/(s·m). The result is two
     empty tuples if the unit cannot be read.
+
+    >>> _factors("mbar·L/s"), _factors("mg/s·m")
+    ((('L', 'mbar'), ('s',)), (('mg',), ('m', 's')))
     """
     plain = text.translate(_CHARACTERS)
     above: list[str] = []

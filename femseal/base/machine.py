@@ -1,9 +1,9 @@
 """Provide facts about the machine, arrays that are shared between processes or stored on disk, and package versions.
 
 A large array, such as the gaps of all contact states, is stored in a file of plain numbers that is mapped into memory.
-This requires no further library. Views of the array behave like any other array, and other processes can open the file
-by its name. The file has no entry in its folder, so that the file disappears with the run even if the run is killed. A
-run that is resumed later does not need the file: the run reads the contact states from its `store`.
+Such a file requires no further library. Views of the array behave like any other array, and other processes can open
+the file by its name. The file has no entry in its folder, so that the file disappears with the run even if the run is
+killed. A run that is resumed later does not need the file: the run reads the contact states from its `store`.
 
 Versions are read from the metadata of the installation, without importing the packages.
 """
@@ -83,9 +83,9 @@ def within_free_memory() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-#: File descriptors of the shared arrays, one list for each active context `sharing`.
+#: File descriptors of the shared arrays: one list for each active `with` block of `sharing`.
 _shared: list[list[int]] = []
-#: Folder of large arrays and memory limit [byte], for each active context `storing`.
+#: Folder of large arrays and memory limit [byte], for each active `with` block of `storing`.
 _stores: list[tuple[Path | None, float]] = []
 #: An array lies on disk if it takes more than this fraction of the memory that a run may use.
 PART_OF_MEMORY = 1 / 16

@@ -21,12 +21,12 @@ _FACTOR = rf"(?:1|{_NAME}{_EXPONENT}?)"
 _PRODUCT = rf"{_FACTOR}(?:(?:\s*(?:\*|/|·|\.)\s*|\s+){_FACTOR})*"
 #: Texts that are passed to the parser of units: products and quotients of names with exponents, and simple brackets.
 _UNIT = re.compile(_PRODUCT.replace(_FACTOR, rf"(?:{_FACTOR}|\(\s*{_PRODUCT}\s*\))"))
-#: An exponent without "^", such as that of "mm2".
+#: An exponent without "^", such as the exponent 2 in "mm2".
 _BARE_EXPONENT = re.compile(r"(?<=[^\W\d_])([-+]?\d)(?!\d*[^\W\d_])")
 #: The "s" of "Pas" and "mPas", which the parser of units would take for a plural instead of a second.
 _PASCAL_SECOND = re.compile(r"(?<=Pa)s\b")
 _NUMBER_AND_UNIT = re.compile(r"^\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\S.*)?$")
-#: Celsius and Fahrenheit in their spellings. Their zero is not absolute zero.
+#: Celsius and Fahrenheit in all their spellings. The zero of both scales is not absolute zero.
 _TEMPERATURE = re.compile(
     r"(?:(?:[°º]|deg(?:rees?)?)[\s_]?)?([CF]|celsius|fahrenheit)|[℃℉]", re.IGNORECASE
 )
@@ -62,7 +62,7 @@ _SPELLINGS = {
     "mmWS": "mmH2O",
     "inWC": "inH2O",
 }
-#: Units that are sometimes written in place of one of another kind, and what was probably meant.
+#: Units that are sometimes written by mistake in place of a unit of another kind, and the unit that was probably meant.
 _MISTAKEN = {"kg": "kgf", "lb": "lbf", "lbs": "lbf", "micron": "mTorr", "microns": "mTorr"}
 _WORD = re.compile(r"[^\W\d_]+")
 #: Kelvins per degree Fahrenheit.
@@ -184,9 +184,10 @@ def _rounded(value: float) -> float:
 
 
 def _kelvin(number: float, unit: str) -> float | None:
-    """Convert a temperature to kelvin without checking its range; return None if the unit is not one of temperature."""
+    """Convert a temperature to kelvin without checking its range; return None if the unit is no unit of temperature."""
     scale = _TEMPERATURE.fullmatch(unit)
     if scale is not None:
+        # the group of the pattern is the letter or name of the scale; ℃ and ℉ match without a group
         first_letter = (scale[1] or unit)[0]
         if first_letter in "fF℉":
             return (number + _FAHRENHEIT_ZERO) * _FAHRENHEIT

@@ -122,7 +122,7 @@ class TextTable:
             )
 
     def __str__(self) -> str:
-        """Return the table as plain text; its width is not limited to that of a terminal."""
+        """Return the table as plain text; the width of a terminal does not limit the width of the table."""
         from rich.console import Console
 
         console = Console(width=1000, color_system=None)
@@ -346,7 +346,7 @@ def value_text(value: Any, unit: str = "1") -> str:
         return "" if isnan(value) else with_its_unit(float(value), unit)
     if isinstance(value, dict):
         return ", ".join(f"{name} {value_text(item, unit)}" for name, item in value.items())
-    if isinstance(value, tuple) and hasattr(value[0], "pressure"):
+    if isinstance(value, tuple) and hasattr(value[0], "pressure"):  # load steps
         return f"of {counted(len(value), 'load step')}"
     if isinstance(value, tuple) and isinstance(value[0], str):
         return f"{len(value)}, the first: {value[0]}"

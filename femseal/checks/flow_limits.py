@@ -19,8 +19,8 @@ _IDEAL_UP_TO = 20e5
 _NO_GAS_CONDENSES_UP_TO = 2e5
 #: At pressures below `_IDEAL_UP_TO`, a warning is given if the relative error of the leakage exceeds this value.
 _IDEAL_WITHIN = 0.05
-#: Mass flux through a choked nozzle, divided by √(p ρ) at its inlet: √κ (2/(κ + 1))^((κ + 1)/2(κ − 1)) for κ = 1.4. It
-#: is 0.67 for κ = 1.3 and 0.73 for κ = 5/3.
+#: Mass flux through a choked nozzle, divided by √(p ρ) at its inlet: √κ (2/(κ + 1))^((κ + 1)/2(κ − 1)) for κ = 1.4. For
+#: κ = 1.3, this number would be 0.67, and for κ = 5/3 it would be 0.73.
 _CHOKED = 0.685
 
 
@@ -91,7 +91,7 @@ def flow_warnings(scene: Scene, leakage: Array, mean_gap: Array) -> Iterator[str
 
 
 def _viscosity(fluid: Any, pressure: float) -> float:
-    """Return the viscosity of a fluid at a pressure [Pa·s], or NaN if the fluid does not define one."""
+    """Return the viscosity of a fluid at a pressure [Pa·s], or NaN if the fluid has no viscosity."""
     if hasattr(fluid, "viscosity_at"):
         return float(fluid.viscosity_at(pressure))
     return float(getattr(fluid, "viscosity", np.nan))

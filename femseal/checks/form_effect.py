@@ -23,10 +23,10 @@ from ..topography import Surface
 from ..topography.defects import fit_form
 from .quick_estimate import first_to_last
 
-#: Number of points along the longer side of a single patch. Several patches have fewer points each, so that the total
-#: time is the same. Eight surfaces were compared with their full resolution at three loads. All 11 ratios above 1.5
-#: were detected, with one false alarm in 11 other cases. The median error of ln(ratio) is 0.04, and the 90th percentile
-#: 0.3.
+#: Number of points along the longer side of a single patch. If a surface has several patches, each patch has fewer
+#: points, so that the computing time does not increase. Eight surfaces were compared with their full resolution at
+#: three loads. All 11 ratios above 1.5 were detected, with one false alarm in 11 other cases. The median error of
+#: ln(ratio) is 0.04, and the 90th percentile 0.3.
 _POINTS = 128
 #: Smallest number of points along the shorter side.
 _FEWEST_POINTS = 8
@@ -76,6 +76,7 @@ class FormEffect:
         its long waves. An effect is NaN if both leakages in its ratio are 0.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
+            # 0 or inf if one of the two surfaces is sealed, NaN if both are sealed
             ratio = self.permeability[0] / self.permeability[1:]
         return np.log(np.clip(ratio, 1 / _SEALED_RATIO, _SEALED_RATIO))
 
@@ -179,13 +180,15 @@ def solve_form_effect(
     coarse = patch.resample((min(n1, patch.shape[0]), min(n2, patch.shape[1])))
     shortest = coarse.shortest_patch
     longest = min(shortest.size) / 2
+    # the three versions of the patch: all waves, without curvature, without long waves
     surfaces = (coarse, coarse.detrend(2), coarse.high_pass(longest))
     permeability = []  # (load, surface)
     for pressure in pressures:
         solved = [_permeability(surface, modulus, law, pressure, boundary) for surface in surfaces]
         if not all(solved):
-            # One of the surfaces is sealed, with the permeability 0. The coarse surface has a smaller slope than the
-            # patch, and so is sealed at a lower pressure. Solve all of them again at a pressure reduced like the slope.
+            # At least one surface is sealed and has the permeability 0. The coarse surface has a smaller rms slope than
+            # the patch, so that it is sealed at a lower pressure than the patch. All three surfaces are solved again at
+            # a pressure that is reduced in the ratio of the rms slopes.
             reduced = pressure * (coarse.rms_slope / patch.rms_slope)
             solved = [
                 _permeability(surface, modulus, law, reduced, boundary) for surface in surfaces

@@ -38,7 +38,7 @@ def result_warnings(
     mean_gap : array, (steps,)
         Mean gap through which the fluid passes [m], NaN where it is unknown.
     estimate : QuickEstimate or None
-        Quick estimate from the spectrum of the surface, see `estimate_scene`; None if there is none.
+        Quick estimate from the spectrum of the surface, see `estimate_scene`; None if no estimate is possible.
     plastic_depth : array, (steps,), or None
         Largest plastic deformation [m]; estimated from the heights if None.
     edge_distance : array, (steps,), or None

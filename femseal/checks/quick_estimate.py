@@ -167,7 +167,8 @@ def estimate_surface(
                 )
     widths = [patch.shape[1] for patch in patches]
     area, _, mean_gap = np.average(junctions, axis=0, weights=widths).T
-    # The permeabilities of the patches are averaged. They are proportional to the third power of the critical gap.
+    # The permeabilities of the patches are averaged. A permeability is proportional to the third power of the critical
+    # gap.
     critical_gap = junctions[..., 1]
     gap = np.cbrt(np.average(critical_gap**3, axis=0, weights=widths))
     return QuickEstimate(area, gap, mean_gap, np.full(len(pressures), nan))

@@ -113,18 +113,18 @@ class Design(Plotted):
     def stiffness(self) -> dict[float, float]:
         """Secant stiffness of the interface [Pa/m] when unloaded from Q_A to Q_A/3, for each pressure in assembly Q_A.
 
-        An interface has no thickness. For a gasket, the modulus E_G of EN 13555 is this stiffness times the thickness
-        of the gasket. Between the steps of unloading, the mean gap is interpolated linearly over ln(pressure).
-        Stochastic runs have no stiffness. A pressure Q_A is left out if the unloading from Q_A ends above Q_A/3.
+        The stiffness is (Q_A − Q_A/3) / (h(Q_A/3) − h(Q_A)), with the mean gap h during unloading. Because an interface
+        has no thickness, the modulus E_G of EN 13555 of a gasket is this stiffness times the thickness of the gasket.
+        Between the steps of unloading, the mean gap is interpolated linearly over ln(pressure). Stochastic runs have no
+        stiffness. A pressure Q_A is left out if the unloading from Q_A ends above Q_A/3.
         """
         data = self.results.dataset
         if "mean_gap" not in data:
             return {}
         stiffness = {}
         for peak in self.seals.steps.unload_from:
-            from_lowest = self.seals.steps_from_highest(peak)[
-                ::-1
-            ]  # rising pressures, as `interp` needs
+            # rising pressures, as `interp` needs
+            from_lowest = self.seals.steps_from_highest(peak)[::-1]
             pressures = self.seals.steps.pressures[from_lowest]
             is_loaded = pressures > 0
             gap = data["mean_gap"].values[from_lowest][is_loaded]

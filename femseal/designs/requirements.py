@@ -76,7 +76,8 @@ class Seals:
             Ends of the 95 % interval of the median [m²/s].
         """
         magnitude = np.abs(np.atleast_2d(reals(leakage)))
-        # the median is the leakage of a realisation: for an even number, the lower one of the two in the middle
+        # The median is the leakage of one realisation. For an even number of realisations, it is the smaller of the two
+        # leakages in the middle.
         middle = (len(magnitude) - 1) // 2
         with np.errstate(invalid="ignore"):
             median = np.sort(magnitude, axis=0)[middle]
@@ -97,7 +98,8 @@ class Seals:
             for peak in {step.unloaded_from for step in steps}:
                 on_branch = np.array([step.unloaded_from == peak for step in steps])
                 known_pressures = steps.pressures[on_branch & is_known]
-                # if no leakage of a branch is known, all of its loads are low: those of an unloading are below `peak`
+                # If no leakage of a branch is known, all loads of the branch count as low. In an unloading, these are
+                # all loads below `peak`; the load step at `peak` belongs to the loading.
                 highest_possible = inf if peak is None else peak
                 lowest_known = known_pressures.min(initial=highest_possible)
                 magnitude[:, on_branch & (steps.pressures < lowest_known)] = inf

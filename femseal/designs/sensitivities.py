@@ -34,8 +34,8 @@ from ..studies import FluidState, Scene
 from ..studies.compiling import compile_ahead
 from .requirements import Seals
 
-#: Factor by which hardness and the length of a flow law are changed. It is close enough to 1 for a slope, but large
-#: enough that the tolerance of the contact solution does not matter.
+#: Factor by which the hardness and the length of a flow law are multiplied. The factor is close enough to 1 for a
+#: slope, but large enough that the tolerance of the contact solution does not matter.
 _FACTOR = 1.03
 #: Relative change of the inlet pressure in the difference quotient for its slope.
 _INLET_CHANGE = 1e-4
@@ -127,7 +127,10 @@ def sensitivities(
     """
 
     def solved_slope(variant: Seals | None, quantity: str) -> _Slope:
-        """Return the difference quotient of ln(leakage) between a variant and the original seals."""
+        """Return the difference quotient (ln L(f x) − ln L(x))/ln f of a variant, with the factor f and the quantity x.
+
+        quantity : name of the quantity x, for the text that explains the slope.
+        """
         if variant is None:
             return _Slope(np.nan, "unknown: takes a solution of the case")
         changed = log_leakage_at(variant, pressure, fraction)

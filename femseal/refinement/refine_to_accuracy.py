@@ -30,9 +30,9 @@ from ..studies.study_registry import contact_tolerance
 #: Time limit of all attempts [s] if the case has an accuracy but no time limit.
 TIME_LIMIT = 3600.0
 #: Grid of the first and of the finest attempt: how many times the points along each side are doubled, relative to the
-#: points of the case. On the grid of the case, the shortest wave has 8 pixels. In the first attempt it has 4 pixels,
-#: and 2 on the coarser grid with which the error of this attempt is estimated. With even fewer pixels, the estimated
-#: error was too small by up to a factor of 2.
+#: points of the case. On the grid of the case, the shortest wave has 8 pixels. On the grid of the first attempt, the
+#: shortest wave has 4 pixels. The error of the first attempt is estimated with a coarser grid, on which the shortest
+#: wave has 2 pixels. With even fewer pixels, the estimated error was too small by up to a factor of 2.
 FIRST_GRID, MOST_GRID = -1, 4
 #: Smallest tolerance of the contact solution.
 LEAST_RTOL = 1e-8
@@ -446,12 +446,13 @@ class _Attempts:
         reason : reason why there is no next attempt; "" if there is a next attempt.
         """
         last = self.done[-1]
+        chosen: Settings | None = None
         text = ""
-        reasons: list[str] = []
-        finer: Settings | None = None
+        reasons: list[str] = []  # why errors cannot be reduced
+        # the error sources, from the largest half-width to the smallest
         for part in sorted(last.parts, key=lambda name: -last.parts[name]):
-            # If the largest error cannot be reduced, the accuracy cannot be reached. The other errors are then still
-            # refined, but only until they are below the goal.
+            # If the largest error cannot be reduced, the required accuracy cannot be reached. Smaller errors are then
+            # still reduced, but only until they are below the goal.
             if reasons and last.parts[part] <= goal < max(last.parts.values()):
                 break
             finer, change = finer_settings(
@@ -460,17 +461,18 @@ class _Attempts:
             if finer is None:
                 reasons.append(f"{part}: {change}")
                 continue
-            text = f"{change}, for the error of {part}"
             expected = self._expected_seconds(finer)
             spent = sum(attempt.seconds for attempt in self.done)
-            if spent + expected > time_limit:
+            if spent + expected <= time_limit:
+                chosen = finer
+                text = f"{change}, for the error of {part}"
+            else:
                 late = f"{change} would take about {duration(expected)}, after {duration(spent)}"
                 reasons.append(f"{part}: {late}, and the time limit is {duration(time_limit)}")
-                finer = None
-                text = ""
             break
-        reason = "; ".join(reasons) if finer is None else ""
-        return self.run.decided("next attempt", self._so_far, (finer, text, reason))
+        reason = "; ".join(reasons) if chosen is None else ""
+        decision = (chosen, text, reason)
+        return self.run.decided("next attempt", self._so_far, decision)
 
     @property
     def _so_far(self) -> tuple[str, int]:

@@ -140,16 +140,17 @@ def _add_overlapping(
 def _index_into_second(
     first: Topography, second: Topography, angle: float, shift: NDArray
 ) -> NDArray:
-    """Return the positions of the pixel centres of the first face on the second face.
+    """Return the positions on the second face of all pixel centres of the first face.
 
     The positions are fractional indices into the map of the second face, (axis, n1, n2).
     """
-    # u = R(−θ)(p − s), because the second face has been mirrored already
+    # u = R(−θ)(p − s), because the second face has been mirrored already; x1 and x2 below are the components of p − s
     x1 = _centred_positions(first.shape[0], first.spacing[0]) - shift[0]
     x2 = _centred_positions(first.shape[1], first.spacing[1]) - shift[1]
     p1, p2 = np.meshgrid(x1, x2, indexing="ij")
     u1 = cos(angle) * p1 + sin(angle) * p2
     u2 = cos(angle) * p2 - sin(angle) * p1
+    # the centre of pixel i has the coordinate (i − (n − 1)/2) · spacing
     index1 = u1 / second.spacing[0] + (second.shape[0] - 1) / 2
     index2 = u2 / second.spacing[1] + (second.shape[1] - 1) / 2
     return np.stack([index1, index2])

@@ -191,6 +191,7 @@ def repair(
     if not spike_points:
         no_heights = np.broadcast_to(0.0, topography.shape)  # without memory of its own
         return flat, Repair(topography.undefined_fraction, 0, form, no_heights)
+    # height of a spike above the filled surface: measured height − form − filled height
     removed = np.zeros(topography.shape)
     removed[is_spike] = topography.heights[is_spike] - form.at(is_spike) - flat.heights[is_spike]
     return flat, Repair(topography.undefined_fraction, spike_points, form, removed)
@@ -236,8 +237,9 @@ def _extreme_points(heights: NDArray) -> list[Flags]:
     return extreme
 
 
-#: Largest number of points of a grid that femseal chooses. It does not depend on the machine, so that the results do
-#: not either. A deterministic solution on such a grid takes a few GB, and 10 to 40 s of one core for each load step.
+#: Largest number of points of a grid that femseal chooses. The number is the same on all machines, so that results do
+#: not depend on the machine. A deterministic solution on such a grid takes a few GB, and 10 to 40 s of one core for
+#: each load step.
 MOST_POINTS = 2**22
 
 
@@ -456,8 +458,8 @@ def smooth(
     measured = waves.shortest_wave
     unseen_slope = None
     if waves.law and seen:
-        # Without a power law the unseen waves cannot be estimated. Their part that the map does contain is then a lower
-        # bound.
+        # Without a power law, the waves that the instrument does not resolve cannot be estimated. The part of these
+        # waves that the map contains is then a lower bound.
         measured = max(measured, seen)
         unseen_slope = sqrt(waves.law.slope_power(measured, measured / UNSEEN))
     wave = default_wave(flat, shape, instrument) if shortest_wave is None else shortest_wave
@@ -550,10 +552,10 @@ def default_points(level: Surface, shortest_wave: float | None, instrument: Inst
     instrument : Instrument
         Instrument with which the surface was measured.
     """
-    wave_of_pixels = resolved_wave(
-        level.size, level.shape
-    )  # shortest wave that the measured pixels resolve
-    wave = shortest_wave  # wave that the grid must resolve
+    # shortest wave that the measured pixels resolve
+    wave_of_pixels = resolved_wave(level.size, level.shape)
+    # wave that the grid must resolve
+    wave = shortest_wave
     if wave is None:
         # shortest wave above noise and within the limits of the instrument
         measured = max(spectrum(level).shortest_wave, instrument.shortest_wave(level))
@@ -562,7 +564,7 @@ def default_points(level: Surface, shortest_wave: float | None, instrument: Inst
         wave = wave_of_pixels if slope_on_pixels >= KEPT_SLOPE * slope else measured
     if wave >= wave_of_pixels and level.heights.size <= MOST_POINTS:
         return level.shape
-    # a finer grid or, if there are too many pixels, a coarser one
+    # a finer grid or, if the map has too many pixels, a coarser grid
     points = resolving_shape(level.size, min(wave, wave_of_pixels), most=MOST_POINTS)
     if shortest_wave is not None and resolved_wave(level.size, points) > wave:
         # the limit of the number of points does not apply to a wave that the user has chosen

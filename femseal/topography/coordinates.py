@@ -158,6 +158,7 @@ def _find_columns(table: NDArray, names: Sequence[str]) -> Columns | None:
         _column_with_name(names, "y"),
         _column_with_name(names, ("z", "height", "höhe")),
     )
+    # an unknown column has the index −1
     if min(named) >= 0 and len(set(named)) == 3:
         return named
     columns = table.shape[1]
@@ -202,8 +203,8 @@ def _read_grid(table: NDArray, columns: Columns) -> MapOfTable | None:
     # index in the grid, row by row, of the point in each line of the table
     flat_index = x_lattice.index * n2 + y_lattice.index
     filled_points = np.unique(flat_index).size
-    # A table with further columns may also be a matrix of heights. It counts as coordinates only if no point occurs
-    # twice and the points fill a large part of the grid.
+    # A table with further columns may also be a matrix of heights. Such a table counts as coordinates only if no point
+    # occurs twice and the points fill a large part of the grid.
     has_only_coordinates = _has_only_coordinates(table, columns)
     if filled_points < len(table) and not has_only_coordinates:
         return None
@@ -273,7 +274,7 @@ class Lattice:
 
 
 def find_lattice(values: NDArray) -> Lattice | None:
-    """Find the lattice of equidistant points on which values lie; return None if there is no such lattice.
+    """Find the lattice of equidistant points on which values lie; return None for values on no lattice.
 
     Lattice points without a value are allowed. The step is first estimated from the smallest distances between values.
     Each value then gets a lattice index, a straight line is fitted to the values as a function of their index, and the
@@ -283,6 +284,7 @@ def find_lattice(values: NDArray) -> Lattice | None:
     """
     if not np.isfinite(values).all():
         return None
+    # different values in rising order, and the index in `positions` of each value
     positions, inverse = np.unique(values, return_inverse=True)
     distances = np.diff(positions)
     if not distances.size:
@@ -315,7 +317,7 @@ def _irregular_error(table: NDArray, columns: Columns) -> InputError:
     """Make an InputError about coordinates that are not on a regular grid."""
     x, y, z = table[:, columns.x], table[:, columns.y], table[:, columns.z]
     different_x, different_y = np.unique(x).size, np.unique(y).size
-    # all points lie on a line if one coordinate is constant and the other one never repeats
+    # all points lie on a line if one coordinate is constant and the values of the other coordinate are all different
     is_line = {different_x, different_y} == {1, len(table)}
     if is_line:
         return profile_error(z, "coordinates x y z along one line")

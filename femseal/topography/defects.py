@@ -129,6 +129,7 @@ def fit_form(heights: NDArray, size: Pair, order: int, tilted: Periodic = (True,
         for j in range(order + 1 - i)
         if (tilted[0] or i == 0) and (tilted[1] or j == 0)
     ]
+    # normal equations: the term uᵏ vˡ in the row of the term uⁱ vʲ has the coefficient Σ uⁱ⁺ᵏ vʲ⁺ˡ
     matrix = np.array([[moments[i + k, j + l] for k, l in terms] for i, j in terms])
     right_side = np.array([height_moments[term] for term in terms])
     solution = np.linalg.lstsq(matrix, right_side)[0]
@@ -186,13 +187,16 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
     if threshold == inf or np.isnan(heights).all():
         return is_spike
     validate.number("spikes", threshold)
+    # smallest standard deviation s with which a deviation is compared
     least_scale = _height_step(heights)
     flat = fit_form(heights, (1.0, 1.0), 2).heights
     np.subtract(heights, flat, out=flat)
+    # m, and the median absolute deviation MAD, both (n1, n2)
     median, absolute_deviation = _window_medians(flat)
     least_scale = max(least_scale, 1.4826 * float(np.nanmedian(absolute_deviation)))
     deviates = np.empty(heights.shape, dtype=bool)
     for block in _blocks(heights.shape):
+        # s = 1.4826 MAD in each window
         scale = np.maximum(1.4826 * absolute_deviation[block].astype(float), least_scale)
         deviates[block] = np.abs(flat[block] - median[block]) > threshold * scale
     del absolute_deviation
@@ -218,10 +222,12 @@ def _stands_alone(group: Flags, flat: NDArray, median: NDArray) -> bool:
     flat, median : heights of the points in this part of the map, and the median of the heights around each point [m].
     """
     deviation = np.where(group, np.abs(flat - median), -1.0)
+    # point of the group with the largest deviation
     tip = np.unravel_index(np.argmax(deviation), group.shape)
     neighbours = scipy.ndimage.binary_dilation(group, ALL_NEIGHBOURS) & ~group
     tip_height = flat[tip] - median[tip]
-    relative_heights = (flat[neighbours] - median[tip]) / tip_height  # NaN where undefined
+    # 1 for a neighbour as high as the tip, 0 for a neighbour at the median; NaN where undefined
+    relative_heights = (flat[neighbours] - median[tip]) / tip_height
     return not bool((relative_heights > 0.5).any())
 
 
@@ -332,7 +338,8 @@ def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:
     laplacian = scipy.sparse.csr_array((count, count))
     right_side = np.zeros(count)
     for axis in (0, 1):
-        # the neighbour beyond a border is the point on the other side, or the point itself
+        # the neighbour beyond a periodic border is the point at the opposite border; beyond any other border, it is the
+        # point itself
         mode: Any = "wrap" if periodic[axis] else "clip"
         weight = (spacing[0] / spacing[axis]) ** 2
         for step in (-1, 1):

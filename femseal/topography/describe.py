@@ -237,7 +237,7 @@ def material_ratios(z: NDArray) -> dict[str, Any]:
     core_points = max(1, round(_CORE * (n - 1)))  # number of steps that cover 40 % of the area
     # fall of the height over 40 % of the area, for all positions of the first point
     drops = falling[: n - core_points] - falling[core_points:]
-    # if the fall is smallest at several positions, the one in the middle is taken
+    # if the fall is smallest at several positions, the middle position is taken
     flattest = np.flatnonzero(drops <= drops.min() * (1 + 1e-9))
     begin = int(np.median(flattest))
     core = slice(begin, begin + core_points + 1)

@@ -26,7 +26,7 @@ from .text_files import TEXT, is_text, read_text
 _MEMORY_FACTOR = 3
 #: Kinds of arrays that hold numbers, see `numpy.dtype.kind`.
 _NUMBERS = "bfiu"
-#: Smallest number of lines of an array of coordinates. A shorter one is treated as a narrow map.
+#: Smallest number of lines of an array of coordinates. A shorter array is treated as a narrow map.
 _FEWEST_LINES = 9
 #: First bytes of the ASCII export of Wyko.
 _WYKO = b"Wyko ASCII Data File"
@@ -74,6 +74,7 @@ def read_npz(path: Path, options: Reading) -> Raw:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         arrays = dict(archive)
     spacing = _check_spacing(arrays.pop("spacing", None))
+    # with array="mask", the user reads the array `mask` as heights
     mask = arrays.pop("mask", None) if options.array != "mask" else None
     heights = _check_map(_select_map(arrays, options.array))
     if mask is None:

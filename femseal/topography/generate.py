@@ -203,7 +203,7 @@ def turned(
 
     rng = _check_generator(rng)
     pitches_fit = _is_whole(size[0] / pitch)
-    # A surface that is not periodic needs one more pass, for the groove of which only a part lies on the surface.
+    # A surface that is not periodic needs one more pass, because only a part of its last groove lies on the surface.
     passes = round(size[0] / pitch) if pitches_fit else int(size[0] / pitch) + 1
     x1 = ((np.arange(shape[0]) + 0.5) * spacing[0])[:, None]  # (n1, 1)
     angle = 2 * np.pi * (np.arange(shape[1]) + 0.5) / shape[1]  # (n2,), of the workpiece
@@ -259,7 +259,7 @@ def _cut_grooves(
     z = np.full((x1.size, angle.size), np.inf)
     for k in range(-neighbours, neighbours + 1):
         pass_number = nearest_pass + k
-        # passes beyond the ends of the surface also cut it; they take the random errors of other passes
+        # passes beyond the ends of the surface also cut the surface, and have the random errors of other passes
         groove = pass_number % passes
         distance = x1 - (pass_number[:, None] + 0.5) * pitch - shift[groove]
         np.minimum(z, distance**2 / (2 * radius) - extra_depth[groove], out=z)
@@ -327,6 +327,7 @@ def wave_numbers(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
     range1 = np.arange(-most[0], most[0] + 1, dtype=np.int32)
     range2 = np.arange(most[1] + 1, dtype=np.int32)
     k1, k2 = np.meshgrid(range1, range2, indexing="ij")
+    # square of the wave number, in units of (2π/L1)²
     square = np.square(k1, dtype=float) + (k2 * (size[0] / size[1])) ** 2
     is_in_half_plane = (k2 > 0) | (k1 > 0)
     # The limit itself is excluded: on some grids it would be the Nyquist wave, whose phase the grid decides.

@@ -23,9 +23,9 @@ from .raw import Raw, Reading, length_unit
 
 #: Longest list of channels in a message [characters].
 _LONGEST_LIST = 300
-#: Positions in a .sur file at which the units begin [byte].
+#: Positions in a .sur file [byte] at which the six fields with units begin.
 _SURF_UNITS = range(180, 276, 16)
-#: Length of each of these units [byte].
+#: Length of each field with a unit in a .sur file [byte].
 _SURF_UNIT_LENGTH = 16
 #: Advice for a map of numbers without a unit of length.
 _GIVE_UNITS = (
@@ -80,8 +80,8 @@ def _open(path: Path, suffix: str, other_suffixes: Sequence[str]) -> _OpenFile:
             "pip install 'femseal[surface]'"
         )
         raise InputError("file", f"a file of kind {suffix or 'unknown'!r}", expected) from None
-    # The library tries dozens of readers, which raise errors of any kind. All of them mean that it cannot read the
-    # file.
+    # The library tries dozens of readers, which raise errors of any kind. Each error means that the reader cannot read
+    # the file.
     try:
         with unprinted():
             content, unclear = _replace_unknown_units(path)
@@ -160,7 +160,8 @@ def _heights_and_mask(topography: Any, suffix: str) -> tuple[Array, Flags | None
     """
     heights, mask = topography.heights(), None
     if suffix == ".gwy" and np.ma.is_masked(heights):
-        # The library scales only the points that are not masked; the others have the numbers of the file.
+        # SurfaceTopography converts only points that are not masked; masked points have the unconverted numbers of the
+        # file.
         mask = np.ma.getmaskarray(heights)
         stored = np.ma.getdata(topography.parent_topography.heights())
         heights = stored * topography.height_scale_factor
@@ -181,6 +182,7 @@ def _replace_unknown_units(path: Path) -> tuple[io.BytesIO | None, str]:
         Description of the unknown unit, for messages; "" if all units are known.
     """
     with path.open("rb") as file:
+        # the first part of the file, up to the end of the last unit
         head = bytearray(file.read(_SURF_UNITS.stop))
         if not head.startswith(b"DIGITAL SURF"):
             return None, ""

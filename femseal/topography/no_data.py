@@ -150,7 +150,7 @@ def _points(flags: NDArray) -> str:
 
 
 def _is_mark(value: float) -> bool:
-    """Return whether a number is one of those that programs commonly write for undefined points."""
+    """Return whether programs commonly write a number for undefined points."""
     return abs(value) >= _NO_HEIGHT or any(np.isclose(value, mark, rtol=1e-7) for mark in _MARKS)
 
 

@@ -22,7 +22,7 @@ from ..base.text import TextTable
 from .defects import SPIKES, fit_form
 from .topography import Topography, facts_of
 
-#: Largest ratio of pixel sizes of patches that carry the same waves.
+#: Largest ratio of the pixel sizes of two patches of the same surface.
 _UNLIKE_PIXELS = 4.0
 #: Largest ratio of the rms height of a patch to the median of all patches; beyond it the unit is probably wrong.
 _UNLIKE_HEIGHTS = 20.0

@@ -39,7 +39,7 @@ _RMS_HEIGHT_LIMIT = 10e-3
 _SLOPE_LIMIT = 10.0
 #: About this many rows of a map are examined for plausibility.
 _ROWS = 256
-#: Pixel size [m] that replaces an unknown one if a map is only looked at.
+#: Pixel size [m] that replaces an unknown pixel size if a map is only inspected.
 _ANY_PIXEL = (1e-6, 1e-6)
 #: Largest relative difference of units and pixel sizes that count as equal.
 _SAME = 1e-4
@@ -107,7 +107,7 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
     array : str, optional
         Name of the heights in an .npz file with several arrays.
     channel : int or str
-        Number or name of the layer or channel, for files that contain several of them.
+        Number or name of the layer or channel, for files that contain several layers or channels.
     transpose : bool
         Whether to exchange x and y. The lay should run along x2, which is the direction along the seal.
     mask : path, optional
@@ -186,6 +186,7 @@ def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
     with reading(path):
         raw = read_file(path, given)
     defined = mark_undefined_points(path, raw.heights, raw.no_data, given.no_data)
+    # the unit of the caller overrides the unit of the file
     height_unit = raw.height_unit
     if given.height_unit is not None:
         height_unit = to_si(f"1 {given.height_unit}", "m", "height_unit")
@@ -199,6 +200,7 @@ def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
     unclear, needs_unit = raw.unclear, raw.needs_unit
     del raw, defined, file_mask  # so that at most two arrays as large as the map are in memory
 
+    # heights in metres, and a pixel size, even if the file states neither unit nor pixel size
     pixel_errors = _pixel_errors(path, pixel, heights.shape, unclear)
     errors += pixel_errors
     if height_unit is None and needs_unit:

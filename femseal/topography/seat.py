@@ -171,7 +171,7 @@ def check_form(
     if is_unknown and np.isnan(known).all():
         fault = "no known height"
     elif is_unknown:
-        # the height of a form is unknown beyond its vertical edge, such as that of a ball
+        # a shape with a vertical edge, such as a ball, has unknown heights beyond this edge
         fault = "slopes up to vertical"
     elif not slope <= MOST_SLOPE:
         fault = f"slopes up to {slope:.2g}"

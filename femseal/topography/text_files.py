@@ -184,13 +184,21 @@ class _RowReader:
         self.layout = layout
         #: Number of numbers in the first line; 0 before it is read.
         self.width = 0
+        #: All numbers so far, line by line.
         self._numbers = array("d")
+        #: Number of the first line of the table, for messages; 0 before it is read.
         self._first_line = 0
+        #: Whether every line so far ends with a delimiter.
         self._ends_with_delimiter = layout.delimiter is not None
+        #: Error about the first line whose length differs from the length of the first line.
         self._unequal_lines: InputError | None = None
 
     def read(self, line_number: int, text: str) -> None:
-        """Read a line of numbers."""
+        """Add the numbers in a line to the table.
+
+        If the line has another length than the first line, an error is stored, which `table` raises unless the header
+        explains the different lengths.
+        """
         fields = self.layout.split(text)
         if len(fields) < 2 or fields[-1].strip():
             self._ends_with_delimiter = False
@@ -229,8 +237,8 @@ class _RowReader:
             # if every line ends with a delimiter, the empty entry after it is not an undefined point
             table = table[:, :-1]
         if points is not None:
-            # The file is incomplete if one of the numbers in the header agrees with the table and the other does not.
-            # If neither does, the header describes something else.
+            # The file is incomplete if only one of the two numbers in the header agrees with the table. If neither
+            # number agrees with the table, the header describes something else.
             has_lines = table.shape[0] == points[1]
             has_columns = table.shape[1] == points[0]
             if has_lines != has_columns:

@@ -43,9 +43,9 @@ _LEAST_BINS = 4
 _END, _FEWEST_RINGS = 0.75, 8
 #: The end of the spectrum is noise if log C over log q falls less steeply than this.
 _FLAT = -1.5
-#: A wave stands out of the noise if its density exceeds that of the noise by this factor.
+#: A ring clearly exceeds the noise if its spectral density is at least this many times the density of the noise.
 _ABOVE_NOISE = 4.0
-#: Densities below this fraction of the largest one are rounding errors.
+#: Densities below this fraction of the largest density are rounding errors.
 _ROUNDING = 1e-16
 #: The instrument does not see waves whose density is below this fraction of the power law.
 _CUT = 0.1
@@ -55,13 +55,14 @@ _LARGEST_HURST = 1.1
 _MODEL_SCATTER = 0.02
 #: Relative standard error of the level of white noise.
 _NOISE_ERROR = 0.3
-#: Ratio of the reported standard error to that of the fit. The fit underestimates it, because it also chooses the
-#: range. Measured on 768 Gaussian surfaces with and without plateau, noise and lay: 96 % of the exponents are within
-#: two reported errors.
+#: Ratio of the reported standard error to the standard error of the fit. The fit underestimates its error, because the
+#: range of the fit is also chosen. Measured on 768 Gaussian surfaces with and without plateau, noise and lay: 96 % of
+#: the exponents are within two reported errors.
 _ERROR = 1.6
 #: A law with a plateau is preferred to a law without, unless its error is more than this many times larger.
 _PREFER_PLATEAU = 1.5
-#: The density is multiplied by this power of q before it is averaged in a bin, so that it is nearly constant there.
+#: The density is multiplied by this power of q before the average over a bin, so that the product is nearly constant in
+#: the bin.
 _FLATTENING = 3.0
 
 
@@ -441,6 +442,7 @@ def _correlation_by_direction(topography: Topography) -> _DirectionalCorrelation
     distance = np.arange(0, border.max() + step / 2, step)
     # fractional indices into the autocorrelation (angle, distance, axis)
     index = middle + (direction / spacing)[:, None] * distance[:, None]
+    # `map_coordinates` takes the indices as (axis, distance, angle) and returns (distance, angle)
     correlation = scipy.ndimage.map_coordinates(
         autocorrelation(topography), index.T, order=1, mode="nearest"
     ).T

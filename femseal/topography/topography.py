@@ -57,7 +57,7 @@ def wave_powers(z: NDArray, periodic: Periodic) -> NDArray:
     if not wrapped:
         return half**2 / z.size
     powers = np.empty(z.shape)
-    # Along one axis, `half` contains only the waves k >= 0. This axis is the last one in the views below.
+    # Along one axis, `half` contains only the waves k >= 0. In the views below, this axis is the last axis.
     halved_axis = wrapped[-1]
     half_view = half.swapaxes(-1, halved_axis)
     powers_view = powers.swapaxes(-1, halved_axis)
@@ -257,7 +257,11 @@ class Topography(Plotted):
         return self._is_seamless(0), self._is_seamless(1)
 
     def _is_seamless(self, axis: int) -> bool:
-        """Return whether the map is periodic along an axis and has no step at its border, see `seamless`."""
+        """Return whether the map is periodic along an axis and has no step at its border, see `seamless`.
+
+        The map has a step if the rms change of height from the last to the first line exceeds `_STEP` times the rms
+        change between neighbouring lines.
+        """
         if not self.periodic[axis]:
             return False
         lines = self.heights.swapaxes(0, axis)
@@ -564,8 +568,8 @@ class Topography(Plotted):
         z = self._defined("radial_psd")
         half = half_spectrum(z - z.mean(), self.periodic)
         q1, q2 = wavenumber_grids(self.shape, self.spacing, self.periodic)
-        # Along a mirrored axis, each wave except k = 0 represents two wave vectors: its own and the mirror image of it.
-        # These arrays contain the number of wave vectors per wave, for the rows and for the columns.
+        # Along a mirrored axis, each wave except k = 0 represents two wave vectors: its own wave vector and the mirror
+        # image. Wave (i, j) represents row_copies[i] · column_copies[j] wave vectors.
         row_copies, column_copies = (
             np.where(is_periodic | (np.arange(n) == 0), 1.0, 2.0)
             for n, is_periodic in zip(self.shape, self.periodic, strict=True)
@@ -592,12 +596,13 @@ class Topography(Plotted):
         filled = np.flatnonzero(count)[1:]  # without ring 0
         mean_q = q_sum[filled] / count[filled]
         mean_power = power_sum[filled] / count[filled]
+        # each wave vector represents the area Δq1 Δq2 of the plane of wave vectors: power = C2D Δq1 Δq2/4π²
         area_per_wave = self._wave_steps[0] * self._wave_steps[1]
         return mean_q, mean_power * (4 * np.pi**2 / area_per_wave)
 
     @property
     def _wave_steps(self) -> Pair:
-        """Steps between the wave numbers along x1 and x2 [rad/m]: 2π/L on a periodic axis, π/L on a mirrored one."""
+        """Steps between the wave numbers along x1 and x2 [rad/m], 2π/L on a periodic axis and π/L on any other axis."""
         first, second = (
             np.pi * (1 + is_periodic) / length
             for length, is_periodic in zip(self.size, self.periodic, strict=True)

@@ -102,8 +102,8 @@ class Continuation:
         density = np.where(q > 2 * pi / self.longest, density, 0.0)
         amplitude = np.sqrt(density / (size[0] * size[1]))
         z = random_waves((n1, n2), (k1, k2), amplitude, rng)
-        # Adding the mirror image makes the waves symmetric about the borders. It doubles their mean square on average,
-        # which the factor 1/√2 compensates.
+        # Adding the mirror image makes the waves symmetric about the borders. The sum doubles the mean square of the
+        # waves on average, which the factor 1/√2 compensates.
         for axis in (0, 1):
             if not self.periodic[axis]:
                 z = (z + np.flip(z, axis)) / sqrt(2)
@@ -246,13 +246,13 @@ def continue_spectrum(
 
 
 #: Number of periods of the longest wave that a patch should contain along its shorter side. On patches of self-affine
-#: surfaces the standard deviation of ln(leakage) was 0.5 with one period, 0.3 to 0.5 with three, 0.15 to 0.25 with five
-#: and 0.1 to 0.15 with eight.
+#: surfaces, the standard deviation of ln(leakage) was 0.5 with one period, 0.3 to 0.5 with three periods, 0.15 to 0.25
+#: with five periods, and 0.1 to 0.15 with eight periods.
 LEAST_WAVES = 3
 #: Ratio of the autocorrelation length Sal of a surface to its roll-off wavelength.
 _SAL_OF_WAVE = 0.27
-#: The spectrum rises towards long waves if the mean density of the octave of the longest waves exceeds that of the next
-#: octave by this factor. It is 1 for a plateau, and 5 to 16 for a power law.
+#: The spectrum rises towards long waves if the mean density of the octave of the longest waves is more than this many
+#: times the mean density of the next octave. The ratio is 1 for a plateau, and 5 to 16 for a power law.
 _RISE = 3.0
 
 
