@@ -254,7 +254,9 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
         raise InputError(name, shown(text), error.expected) from None
     if pressure < 0:
         vacuum = to_text(0.0 - reference, "Pa")
-        raise InputError(name, shown(text), f"a pressure of at least {vacuum}, that of a vacuum")
+        raise InputError(
+            name, shown(text), f"a pressure of at least {vacuum}, the pressure of a vacuum"
+        )
     return pressure
 
 

@@ -115,7 +115,7 @@ def _add_overlapping(
     shift : shift of the second face along x1 and x2, (2,) [m].
     """
     if second.undefined_fraction:
-        expected = "a map without them: use fill_undefined() first"
+        expected = "a map without undefined points: use fill_undefined() first"
         raise InputError("second face", "undefined points", expected)
     index = _index_into_second(first, second, angle, shift)  # (axis, n1, n2)
     # a point is covered up to half a pixel beyond the first and the last pixel centre of the second face

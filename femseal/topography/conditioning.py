@@ -301,7 +301,7 @@ class Conditioning(Labelled):
             return []
         return [
             "contact and leakage may depend on spikes that were removed: "
-            f"{self.spikes_extreme:.0%} of the highest or deepest points would be others with them "
+            f"{self.spikes_extreme:.0%} of the highest or deepest points would change if spikes were kept "
             f"({counted(self.spike_points, 'point')} in spikes). Set surface.spikes = inf to keep "
             "them and compare both leakages, or mask points that are not part of the face with face.mask"
         ]

@@ -17,7 +17,7 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Pair, Periodic, Plotted, Shape, to_text
+from ..base import Array, InputError, Pair, Periodic, Plotted, Shape, counted, to_text
 from ..base.text import TextTable
 from .defects import SPIKES, fit_form
 from .topography import Topography, facts_of
@@ -161,7 +161,7 @@ class Patches(Plotted):
         waves = np.array(
             [2 * np.pi * patch.rms_height / (patch.rms_slope or np.inf) for patch in self.patches]
         )
-        expected = "similar waves: set a shortest wave that all of them contain"
+        expected = "similar waves: set a shortest wave that all patches contain"
         _check_alike("waves of about", waves, _UNLIKE_WAVES, expected)
 
     def detrend(self, order: int | None = 1) -> Patches:
@@ -255,7 +255,7 @@ def check_single_patch(name: str, surface: object) -> None:
     """Raise InputError if several patches were given to an operation on a single map."""
     if isinstance(surface, Patches):
         given = f"{len(surface.patches)} patches"
-        raise InputError(name, given, "a single map, such as each of the `patches` alone")
+        raise InputError(name, given, "a single map, for example an element of `patches`")
 
 
 def split_patches(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
@@ -269,7 +269,7 @@ def split_patches(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
 def _check_patches(patches: Sequence[Topography]) -> None:
     """Raise InputError if the given maps cannot be patches of the same surface, see `Patches`."""
     if len(patches) < 2:
-        given = f"{len(patches)} of them"
+        given = counted(len(patches), "map")
         raise InputError(
             "patches", given, "at least two patches; a single map is not put into a list"
         )
@@ -314,8 +314,8 @@ def _check_alike(name: str, values: NDArray, most: float, expected: str) -> None
     n = int(np.argmax(log_ratios))
     if log_ratios[n] > np.log(most):
         given = (
-            f"{name} {to_text(float(values[n]), 'm', 3)} of number {n + 1}, "
-            f"{to_text(median, 'm', 3)} of the others"
+            f"{name} {to_text(float(values[n]), 'm', 3)} of patch number {n + 1}, "
+            f"the median of all patches is {to_text(median, 'm', 3)}"
         )
         raise InputError("patches", given, f"maps of the same surface, with {expected}")
 

@@ -506,9 +506,8 @@ class Topography(Plotted):
         for name in ("shape", "spacing"):
             first, second = getattr(self, name), getattr(other, name)
             if not np.allclose(first, second, rtol=1e-9, atol=0):
-                raise InputError(
-                    f"{name} of the second face", second, f"that of the first, {first}"
-                )
+                expected = f"the {name} of the first face, {first}"
+                raise InputError(f"{name} of the second face", second, expected)
         periodic = (self.periodic[0] and other.periodic[0], self.periodic[1] and other.periodic[1])
         heights = self._defined("a sum") + other._defined("a sum")
         return Topography(heights, self.spacing, periodic)
@@ -634,7 +633,7 @@ class Topography(Plotted):
         fraction = self.undefined_fraction
         if fraction:
             given = f"{as_text(fraction, percent=True)} undefined points"
-            expected = f"a map without them for {purpose}: use fill_undefined() first"
+            expected = f"a map without undefined points for {purpose}: use fill_undefined() first"
             raise InputError("heights", given, expected)
         return self.heights
 

@@ -79,9 +79,9 @@ def test_what_says_neither(text):
     [
         (
             "-2 bar(g)",
-            r"given '-2 bar\(g\)', expected a pressure of at least -101.3 kPa, that of a vacuum",
+            r"given '-2 bar\(g\)', expected a pressure of at least -101.3 kPa, the pressure of a vacuum",
         ),
-        ("-1 bar(a)", "expected a pressure of at least 0 Pa, that of a vacuum"),
+        ("-1 bar(a)", "expected a pressure of at least 0 Pa, the pressure of a vacuum"),
         ("1,5 bar(g)", r"given '1,5 bar\(g\)', expected a number with a decimal point"),
         ("10 bar(g)(a)", "without"),
         ("10 mm(g)", "of the kind 'Pa'"),

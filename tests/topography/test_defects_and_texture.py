@@ -178,7 +178,7 @@ def test_spikes_along_the_marks_of_machining_cause_a_warning(angle):
     assert report.spike_points > 40
     assert report.spikes_extreme > 0.05
     (warning,) = report.spike_warnings
-    assert f"would be others with them ({report.spike_points} points in spikes)" in warning
+    assert f"would change if spikes were kept ({report.spike_points} points in spikes)" in warning
 
 
 def test_exchanged_extremes_agree_with_a_count_on_the_map_with_spikes():
