@@ -1,4 +1,4 @@
-"""Find the pressures that a seal needs for a leakage class, and the quantities that change its leakage most."""
+"""Find the pressures at which a seal meets a leakage class, and the quantities that change the leakage most."""
 
 from ..base.lazy_package import lazy
 

@@ -12,7 +12,7 @@ from ..results.sealing_index import TOLERANCE, IndexLimit, SealingIndex, index_t
 
 
 def index_table(indices: Sequence[SealingIndex]) -> TextTable:
-    """Make the table of the exponents and of the sealing index that each class needs."""
+    """Make the table of the exponents n and of the sealing indices at which each leakage class is met."""
     columns = [
         ("load", [branch_text(index.unloaded_from) for index in indices]),
         ("contact pressure", [_range_text(index) for index in indices]),

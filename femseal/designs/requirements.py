@@ -201,8 +201,8 @@ class Requirement:
     service : dict of NeededPressure
         QSmin for each pressure in assembly Q_A [Pa]: the lowest pressure to which the seal may be unloaded in service.
     for_fraction : NeededPressure
-        Lowest pressure in assembly at which a given fraction of the realisations meets the class. The computed leakage
-        of each realisation decides, without its interval.
+        Lowest pressure in assembly at which a given fraction of the realisations meets the class. The pressure follows
+        from the computed leakages, without their 95 % intervals.
     relaxed : NeededPressure, optional
         Lowest pressure in assembly at which the seal still meets the class after relaxation.
     """

@@ -156,11 +156,11 @@ def repair(
     topography : Topography
         The map as measured.
     spikes : float
-        Threshold of `find_spikes` in robust standard deviations. If infinite, spikes are kept.
+        Threshold of `find_spikes` in robust standard deviations. If the threshold is infinite, no point is a spike.
     max_undefined : float
         Largest fraction of points, from 0 to 1, that may be filled: undefined points and spikes together.
     detrend : int, optional
-        Order of the form, see `Topography.form`.
+        Form that is subtracted, see `Topography.form`.
 
     Returns
     -------
@@ -348,7 +348,8 @@ def condition(
     topography : Topography or Patches
         The map as measured, or several patches, each of which is conditioned separately.
     spikes : float
-        Threshold above which isolated points are treated as spikes, see `find_spikes`. If infinite, spikes are kept.
+        Threshold above which isolated points are treated as spikes, see `find_spikes`. If the threshold is infinite, no
+        point is a spike.
     detrend : int, optional
         Form that is subtracted: 0 for the mean, 1 for mean and tilt, 2 for mean, tilt and curvature. Default: the tilt,
         except along axes on which the map is periodic without a step, see `Topography.form`.
@@ -491,7 +492,7 @@ def smooth(
 
 
 def default_wave(flat: Surface, shape: Shape, instrument: Instrument) -> float:
-    """Return the shortest wavelength [m] that `condition` keeps on a grid by default.
+    """Return the default value of `shortest_wave` [m] in `condition`, for a grid with a given number of points.
 
     The wavelength is the longest of three: 8 pixels of the grid, the shortest wave that the instrument resolves, and
     the shortest wave above the noise. The shortest wave above the noise counts as at most 8 measured pixels, because a
@@ -517,7 +518,7 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
     size : tuple of two float
         Sides of the surface [m].
     wave : float
-        Shortest wave that is to be kept [m].
+        Shortest wavelength [m] that the grid must resolve.
     most : float
         Approximate limit of the number of points. If 8 pixels per wave require more points, a wave has fewer than 8
         pixels.

@@ -55,7 +55,7 @@ def is_text(path: Path) -> bool:
 
 
 def encoding_of(path: Path) -> str:
-    """Return the encoding of a text: UTF-8, UTF-16, or cp1252 (the former encoding of Windows) if it is neither.
+    """Return the encoding of a text: UTF-8, UTF-16, or cp1252 (the former encoding of Windows) for all other texts.
 
     Raises
     ------
