@@ -182,7 +182,7 @@ def report(states):
     for method, state in product(methods, ("near closing", "sealed")):
         chosen = [s["holds"] for s in states if (s["method"], s["state"]) == (method, state)]
         closing.append([method, state, f"{sum(chosen)} of {len(chosen)}"])
-    beyond = "The next table is for loads that leak less than 1e-3 of the first load (near closing), and for sealed loads:"
+    beyond = "The next table covers sealed loads, and loads near closing, at which the leakage is below 1e-3 of its first value:"
     faces = table(["method", "kind of surface", *HEAD], cells)
     return f"{faces}\n\n{beyond}\n\n{table(['method', 'state', 'contained'], closing)}"
 

@@ -203,16 +203,15 @@ def main():
     options = parser.parse_args()
     leakages, rises = constraint()
     text = [
-        "## Closed forms\n\nS is the compliance of a coated body, divided by the compliance of a half-space of the layer's "
-        "material, as a function of "
-        "t = qd, with the wavenumber q and the thickness d of the layer.",
+        "## Closed forms\n\nS is the compliance of a coated body, divided by the compliance of a half-space of the "
+        "layer's material. It is a function of t = qd, where q is the wavenumber and d is the thickness of the layer.",
         closed_forms(),
         "## Finite elements\n\nThe table shows the compliance by the formula divided by the compliance of a layered "
         "block in plane strain "
         "(scikit-fem, quadratic elements). Poisson's ratio is 0.37 for the layer and 0.3 for the substrate.",
         finite_elements(),
-        "## Cost\n\nThe last two columns show the CPU time of a contact of silver-coated steel with Inconel, divided by that of "
-        "a contact of solid silver with Inconel. The surface is self-affine with an rms slope of 0.1. "
+        "## Cost\n\nThe last two columns compare the CPU times of two contacts: silver-coated steel on Inconel, "
+        "relative to solid silver on Inconel. The surface is self-affine with an rms slope of 0.1. "
         "The surface is unloaded to half of the pressure.",
         cost(),
         "## Constraint\n\nA turned steel surface (Ra 1.6 µm, feed 150 µm) is pressed against a silver coating with a "
@@ -220,8 +219,9 @@ def main():
         "factor, or with the load divided by this factor, divided by the leakage with the original hardness and load. "
         '"–" means that the surface is sealed with the original hardness and load.',
         leakages,
-        "The next table shows the mean distance of the points that yield from the edge of their contact patch, and the "
-        "factor by which the hardness rises at most if the coating has another thickness.",
+        "The next table shows the mean distance of the points that yield from the edge of their contact patch, and an "
+        "upper bound on the factor by which the constraint raises the hardness, for several thicknesses of the "
+        "coating.",
         rises,
     ]
     report = "\n\n".join([machine_and_time(["scikit-fem"]), *text])

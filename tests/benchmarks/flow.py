@@ -159,7 +159,7 @@ have taken too long. The gaps are cut by a plane at the given contact fraction; 
 {failures(records, "solver", "n", "contact")}
 
 The next table shows the relative error of the permeability of a cell of {BASE}² pixels with 8 pixels per
-shortest wave, and of its refinements. The reference is the value that Richardson extrapolation gives from the two finest
+shortest wave, and for finer grids on the same cell. The reference value is obtained by Richardson extrapolation from the two finest
 solutions of femseal.
 
 {error_table(records)}"""

@@ -552,7 +552,7 @@ def main():
         "For the wave of amplitude 0.9 and slope 0.4, the error of the Stokes solution on 96 × 2 and 192 × 4 "
         f"elements, compared with 384 × 8 elements, is {', '.join(f'{e:.1e}' for e in orders)}.",
         "## Inertia\n\nThe table shows the permeability of the Navier-Stokes equations divided by that of the Stokes "
-        "equations. The columns are for values of the Reynolds number multiplied by the ratio of mean gap to wavelength.",
+        "equations. The column headings are values of the Reynolds number times the ratio of mean gap to wavelength.",
         inertia(),
         "The next table shows the Reynolds number at some leakages:",
         inertia_of_classes(),

@@ -575,8 +575,8 @@ def report(rows):
     closed = {ratio: closing(main, ratio) for ratio in (USUAL, 2.3)}
     text = [
         f"{machine(['tamaas'])}. {solved(rows)}",
-        "## Plastic solid and cut-off law\n\nContact area, mean gap and leakage are those of the plastic solid, divided "
-        "by those of the cut-off law with $H = 2.8\\,\\sigma_y$. The equivalent load is the load at which the "
+        "## Plastic solid and cut-off law\n\nThe table shows the contact area, the mean gap and the leakage of the "
+        "plastic solid, each divided by its value under the cut-off law with $H = 2.8\\,\\sigma_y$. The equivalent load is the load at which the "
         "cut-off law leaks as much as the plastic solid, divided by the load on the plastic solid. The equivalent "
         "$H/\\sigma_y$ is the ratio at which the cut-off law leaks as much as the plastic solid under the same load. All "
         "values are medians over the surfaces, and those in the last three columns also over both flow directions. The "
@@ -588,22 +588,22 @@ def report(rows):
         "stress, according to the expanding-cavity model without hardening (Johnson 1985, section 6.3).",
         over_severity(rows),
         "## One ratio for all surfaces\n\nWhat happens if the cut-off law uses the same $H/\\sigma_y$ for all surfaces? Each cell "
-        "contains two numbers: the median of the leakage of the plastic solid divided by that of the cut-off law, and the "
-        "factor by which the two leakages differ at most in nine of ten cases. Only states that leak more than 1 % "
-        "of the first state in both flow directions are counted.",
+        "contains two numbers: the median ratio of the leakages (plastic solid divided by cut-off law), and the factor "
+        "within which the two leakages agree in 90 % of the cases. A state is counted only if its leakage exceeds 1 % "
+        "of the leakage in the first state, in both flow directions.",
         one_ratio(far | branches),
-        "The next table counts the pairs of a contact state and a flow direction that are sealed:",
+        "The next table counts the sealed contact states, separately for each flow direction:",
         table(
             ["H/σ_y", "sealed under both models", "sealed with the plastic solid only",
              "sealed with the cut-off law only"],
             [[f"{ratio:g}", *counts.values()] for ratio, counts in closed.items()],
         ),
-        "The interval of the row “plastic law” of the error budget contains the leakage of the plastic solid in {} of "
-        "the {} pairs in which both models leak. In {} more pairs, only the plastic solid is sealed.".format(
+        "In {} of the {} cases in which both models leak, the interval of the row “plastic law” of the error budget "
+        "contains the leakage of the plastic solid. In {} more cases, only the plastic solid is sealed.".format(
             *intervals(main)
         ),
         "## Robustness\n\nThe table shows the leakage of the plastic solid after a single change of the method or of the "
-        "hardening, divided by the leakage in the base case. The columns are values of $\\bar p/H$. The base case is the "
+        "hardening, divided by the leakage in the base case. The column headings are values of $\\bar p/H$. The base case is the "
         "isotropic surface of seed 1 with $H/(E^*h') = 0.3$, 32² points, 13 layers down to a depth of a quarter of the "
         "side, a hardening modulus of 0.01 E and a tolerance of 1e-3; the loads are applied one after another.",
         soundness(rows),

@@ -104,8 +104,8 @@ def report() -> str:
         for name, part in (("below", light), ("above", ~light))
     ]
     text = (
-        "The limit of 30 % is for the contact fraction of the quick estimate. The ratio and the factors of the leakage are "
-        "for scenes that are open both in the quick estimate and in the solution."
+        "The limit of 30 % refers to the contact fraction of the quick estimate. The ratio and the factors of the "
+        "leakage are computed only from scenes that are open both in the quick estimate and in the solution."
     )
     return f"{machine()}\n\n{table(head, [*lines, line('all', scenes)])}\n\n{text}"
 

@@ -48,15 +48,15 @@ PATCHES = ("first", "second", "both")
 #: Inlet pressure of a fluid that acts, in parts of the lowest load.
 ACTS = (0.1, 0.6)
 INTRODUCTION = """The table shows the leakage of seals that were simulated from one patch, divided by the
-leakage of the whole surface. The loads are grouped by the number of decades by which the leakage
+leakage of the whole surface. The loads are grouped by how many decades the leakage
 of the whole surface has fallen below its value at the first load. In every third scene a fluid pressure acts on the surfaces."""
-SURFACES_TEXT = """Each interval was computed from one patch. The table shows the fraction of the loads at which it
-contains the true leakage, for three groups: the simulations that were used for the calibration;
-the same simulations, if all surfaces of their kind are left out of the calibration; and other
-simulations that were not used for the calibration."""
-HALF_DECADES_TEXT = """The next table groups the loads by the number of decades by which the true leakage lies below its
-value at the first load. The column "half-width" contains the median of the factor between the leakage and an end of its
-interval; intervals whose lower end is 0 are left out. "Two patches" are measured on the same surface and used together."""
+SURFACES_TEXT = """Each interval was computed from one patch. The table shows at which fraction of
+the loads it contains the true leakage. The first group consists of the simulations that were used for the calibration.
+In the second group, the same simulations are judged by a calibration without surfaces of their kind. The third group
+consists of simulations that were not used for the calibration."""
+HALF_DECADES_TEXT = """In the next table, the loads are grouped by how many decades the true leakage has fallen below its
+value at the first load. The column "half-width" contains the median factor between the leakage and an end of its
+interval, without intervals that begin at 0. For "two patches", two patches of the same surface are used together."""
 #: Names of shapes in the report.
 SHAPE_NAMES = {"in-place": "as wide as the patch", "broad": "twice as wide"}
 #: Kinds of drawn seals that this script calibrates.
