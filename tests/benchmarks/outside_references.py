@@ -82,9 +82,9 @@ def handbook_section():
     for (kind, load), values in exponents_of_faces.items():
         cells.append([kind, f"{load:g}", *(range_text(values[name]) for name in CLAIMED)])
     text = (
-        f"Permeability k across the lay of turned and ground faces, on first loading. Each range is for rms heights "
-        f"Sq of {heights} µm, each value a mean of three surfaces of 256² points; E* = 115 GPa, H = 2.8 GPa, 60 µm between the "
-        'marks. The heights are scaled at a fixed spectrum. "1 sealed": with one of the rms heights, a surface is closed '
+        f"Permeability k across the lay of turned and ground faces, on first loading. Each range covers rms heights "
+        f"Sq of {heights} µm. Each value is the mean of three surfaces of 256² points with E* = 115 GPa, H = 2.8 GPa "
+        'and 60 µm between the marks. The heights are scaled at a fixed spectrum. "1 sealed": with one of the rms heights, a surface is closed '
         "at this load."
     )
     return f"{HANDBOOK_HEADING}\n\n{text}\n\n{table(head, cells)}\n"
