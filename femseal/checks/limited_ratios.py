@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..base import Array, counted
+from ..base import Array, Flags, counted
 from ..loads import LoadProgramme, least_counted
 
 #: Relative difference from its limit at which a ratio counts as limited.
@@ -82,12 +82,13 @@ def _ratio(numerator: Array, denominator: Array) -> Array:
     return np.where((ratio > 0) & np.isfinite(ratio), ratio, np.nan)
 
 
-def _is_limited(ratio: Array, largest: float) -> Array:
+def _is_limited(ratio: Array, largest: float) -> Flags:
     """Return where a ratio is at its largest or smallest value, or beyond it; False where it is NaN."""
-    return np.abs(np.log(ratio)) >= np.log(largest) * (1 - _SLACK)
+    is_limited: Flags = np.abs(np.log(ratio)) >= np.log(largest) * (1 - _SLACK)
+    return is_limited
 
 
-def _warn(steps: LoadProgramme, median: Array, is_limited: Array, reason: str) -> Iterator[str]:
+def _warn(steps: LoadProgramme, median: Array, is_limited: Flags, reason: str) -> Iterator[str]:
     """Yield a warning that names the first load at which the median is a limit.
 
     Loads whose leakage is too small for comparisons are left out.
