@@ -26,7 +26,7 @@ THICKNESSES = (5.0, 10.0, 20.0, 50.0, 100.0, 1e4)
 #: Contact area of the ring [m²].
 AREA = np.pi / 4 * (51.8e-3**2 - 50e-3**2)
 #: Factor on the forces with which the bare ring is computed.
-MORE_FORCE = 10
+MORE_FORCE = 2.5
 
 
 class Need(NamedTuple):
@@ -52,9 +52,9 @@ def ring(thickness: float | None, face: dict[str, Any] | None = None) -> Case:
     del load["unload_from"], load["unloading"]
     data["stochastic"]["realisations"] = 5
     if thickness is not None:
-        data["counter_material"]["coating"]["thickness"] = f"{thickness:g} um"
+        data["material"]["coating"]["thickness"] = f"{thickness:g} um"
         return parse_case(data)
-    del data["counter_material"]["coating"]
+    del data["material"]["coating"]
     load["loading"] = [f"{MORE_FORCE * kilonewtons(force):g} kN" for force in load["loading"]]
     return parse_case(data)
 
