@@ -23,6 +23,7 @@ import numpy as np
 import femseal as fs
 from common import machine, print_report, read_rows, table
 from femseal.budget.plastic_law import plastic_law_part
+from references.depth_law import depth_law, summit_radius
 from references.plastic_solid import MISSING, MODULUS, POISSON, PlasticSolid, press, tamaas
 
 RECORDS = Path(__file__).with_suffix(".csv")
@@ -144,8 +145,12 @@ SURFACES = [("isotropic", seed) for seed in (1, 2, 3, 4, 5)] + [
 ]
 SEVERITIES = (0.1, 0.3, 0.6)
 MAIN = {v: [Case(kind, seed, v) for kind, seed in SURFACES] for v in SEVERITIES}
-#: Surfaces that are nearly elastic, and others that are yet rougher; and no hardening.
-ENDS = [Case(kind, 1, severity) for severity in (1.5, 0.05) for kind in ("isotropic", "turned")]
+MAIN[0.05] = [
+    Case(kind, seed, 0.05) for kind, seed in (("isotropic", 1), ("turned", 1), ("isotropic", 2))
+]
+MAIN = dict(sorted(MAIN.items()))
+#: Surfaces that are nearly elastic; and surfaces without hardening.
+ENDS = [Case(kind, 1, severity) for severity in (1.5,) for kind in ("isotropic", "turned")]
 PERFECT = [
     Case(kind, seed, severity, hardening=0.0)
     for severity in (0.1, 0.3, 0.6)
@@ -158,11 +163,6 @@ NEAR_CLOSING = [
     for kind, seed in (("isotropic", 1), ("turned", 1), ("isotropic", 2))
 ]
 ABOVE_HARDNESS = [Case(path="beyond"), Case(severity=0.1, path="beyond")]
-#: Very rough or soft surfaces.
-ROUGHEST = [
-    Case(*kind, severity=0.05) for kind in (("isotropic", 1), ("turned", 1), ("isotropic", 2))
-]
-FINER = [Case(points=64, layers=25)]
 LARGER = [Case(seed=s, severity=v, points=64, waves=8, layers=17, depth=0.17) for s in (1, 2, 3) for v in (0.3, 0.1)]  # fmt: skip
 CHECKS = [Case(**change) for change in list(SOUNDNESS.values())[1:]]
 HARD = [replace(case, severity=0.1) for case in (Case(), *CHECKS[:5])]
@@ -295,6 +295,31 @@ def cut_off_contact(case, load, ratio):
     )
 
 
+@cache
+def depth_contact(case, load):
+    """Solve the contact with a hardness that rises with the plastic depth, see `references.depth_law`."""
+    z = case.heights()
+    law = depth_law(case.hardness / USUAL, MODULUS, summit_radius(z, 1 / case.points))
+    contact = fs.solve_contact(
+        z.max() - z, case.half_space, pressure=load * case.hardness, hardness=law
+    )
+    return law, contact
+
+
+@cache
+def depth_state(case, load, peak=0.0):
+    """Compute contact and leakage with a hardness that rises with depth, unloaded from a peak load if it is given."""
+    law, contact = depth_contact(case, peak or load)
+    z = case.heights()
+    if peak:
+        contact = fs.solve_contact(
+            z.max() - z, case.half_space, pressure=load * case.hardness, hardness=law,
+            deformation=contact.plastic_deformation,
+        )  # fmt: skip
+    figures = contact_figures(contact.pressure, contact.gap, z.std(), case)
+    return {name: float(value) for name, value in figures.items()}
+
+
 def case_of(row):
     """Return the case of a record."""
     return Case(**{f.name: type(f.default)(row[f.name]) for f in fields(Case)})
@@ -357,6 +382,20 @@ def equivalent_ratios(rows):
         for axis, k in flows(row):
             out.append(crossing(RATIOS, [s[axis] for s in states], k))
     return np.array(out)
+
+
+#: H/σ_y of the cut-off law by H/(E* h′): the medians on loading in the table "Equivalent hardness".
+MEDIAN_RATIOS = {0.05: 3.3, 0.1: 2.9, 0.3: 2.3, 0.6: 2.0}
+
+
+def depth_state_of(row):
+    """Return the values of the law whose hardness rises with depth, in the state of a record."""
+    return depth_state(case_of(row), float(row["load"]), peak_of(row))
+
+
+def median_ratio_of(row):
+    """Return the values of the cut-off law with the ratio of `MEDIAN_RATIOS`, in the state of a record."""
+    return cut_off_of(row, MEDIAN_RATIOS[float(row["severity"])])
 
 
 # the report
@@ -446,6 +485,63 @@ def one_ratio(rows_by_name):
             )
         cells.append(line)
     return table(["H/σ_y", *rows_by_name], cells)
+
+
+def rising_hardness(rows_by_name):
+    """Tabulate three laws against the plastic solid: leakage, contact area and mean gap, by group and branch."""
+    laws = {
+        "H = 2.8 σ_y": cut_off_of,
+        "best ratio": median_ratio_of,
+        "rising with depth": depth_state_of,
+    }
+    lines = []
+    for name, rows in rows_by_name.items():
+        for branch in ("loading", "unloading"):
+            line = [name, branch]
+            chosen = [row for row in rows if row["branch"] == branch]
+            for law in laws.values():
+                laws_states = [law(row) for row in chosen]
+                logs = []
+                areas = []
+                for row, state in zip(chosen, laws_states, strict=True):
+                    logs += [np.log(k / state[axis]) for axis, k in flows(row) if state[axis] > 0]
+                    areas.append(float(row["area"]) / state["area"])
+                factor = np.exp(np.quantile(np.abs(logs), 0.9))
+                line.append(f"{np.exp(np.median(logs)):.2f}, {factor:.2f}")
+                line.append(f"{np.median(areas):.2f}")
+            lines.append(line)
+    heads = [f"{what}, {law}" for law in laws for what in ("leakage", "contact area")]
+    return table(["dimensionless hardness", "branch", *heads], lines)
+
+
+def near_closing(rows):
+    """Tabulate area, gap and leakage of the plastic solid and of the cut-off law at loads near the hardness."""
+    lines = []
+    loading, unloading = PATHS["closing"]
+    words = [("loading", load, f"{load:g}") for load in loading]
+    words += [("unloading", load, f"{load:g}, unloaded from {loading[-1]:g}") for load in unloading]
+    for severity in sorted({float(row["severity"]) for row in rows}):
+        for branch, load, text in words:
+            chosen = [
+                row
+                for row in rows
+                if (float(row["severity"]), row["branch"], float(row["load"]))
+                == (severity, branch, load)
+            ]
+            laws = [cut_off_of(row) for row in chosen]
+            line = [f"{severity:g}", text, surfaces(chosen)]
+            for name in ("area", "mean_gap"):
+                line.append(f"{np.median([float(row[name]) for row in chosen]):.3f}")
+                line.append(f"{np.median([law[name] for law in laws]):.3f}")
+            line.insert(5, f"{load / (1 + load):.3f}" if branch == "loading" else "")
+            solid_open = sum(len(list(flows(row))) for row in chosen)
+            law_open = sum(law[axis] > 0 for law in laws for axis in ("k1", "k2"))
+            line.append(f"{solid_open} and {law_open} of {2 * len(chosen)}")
+            line.append(spread(np.exp(leakage_ratios(chosen))))
+            lines.append(line)
+    head = ["dimensionless hardness", "p̄/H", "surfaces", "area, plastic solid", "area, cut-off law",
+            "area, P/(1 + P)", "gap, plastic solid", "gap, cut-off law", "open directions", "leakage"]  # fmt: skip
+    return table(head, lines)
 
 
 def closing(rows, ratio):
@@ -608,6 +704,32 @@ def report(rows):
         "side, a hardening modulus of 0.01 E and a tolerance of 1e-3; the loads are applied one after another.",
         soundness(rows),
     ]  # fmt: skip
+    closing_rows = records_of(rows, NEAR_CLOSING)
+    text += [
+        "## A hardness that rises with depth\n\nThree laws are compared with the plastic solid: the cut-off law with "
+        "$H = 2.8\\,\\sigma_y$; the cut-off law with the best ratio for the dimensionless hardness, "
+        + ", ".join(f"{ratio:g} at {v:g}" for v, ratio in MEDIAN_RATIOS.items())
+        + "; and a hardness that rises with the plastic depth of the point, from 1.1 σ_y to 3 σ_y. The first number of a "
+        "cell is the median of the leakage of the plastic solid divided by that of the law, and the second one the factor "
+        "by which the two differ at most in nine of ten cases. The contact area of the plastic solid is also divided by "
+        "that of the law. Only states that leak more than 1 % of the first state are counted.",
+        rising_hardness({name: chosen for name, chosen in far.items() if chosen}),
+        "## Near closing\n\nThe same surfaces were loaded up to 0.95 H. Areas are fractions of the nominal area, and gaps "
+        "are divided by the rms height of the undeformed surface; both are medians. P/(1 + P) with P = p̄/H is the area "
+        "that Pullen and Williamson (1972) derived for a body that cannot spread sideways. The column “open directions” "
+        "counts the surfaces and flow directions in which the plastic solid and the cut-off law leak; the last column is "
+        "the leakage of the plastic solid divided by that of the cut-off law where both leak.",
+        near_closing(closing_rows),
+    ]
+    beyond = records_of(rows, ABOVE_HARDNESS)
+    if beyond:
+        lines = [[row["severity"], row["load"], f"{float(row['area']):.3f}",
+                  f"{float(row['load']) / (1 + float(row['load'])):.3f}", f"{float(row['mean_gap']):.4f}"] for row in beyond]  # fmt: skip
+        text += [
+            "Loads above the hardness cannot be carried by the cut-off law. The plastic solid carries them, because it cannot "
+            "spread sideways:",
+            table(["dimensionless hardness", "p̄/H", "area, plastic solid", "area, P/(1 + P)", "gap, plastic solid"], lines),
+        ]  # fmt: skip
     if larger:
         text += ["## More waves\n\nThe comparison of the first table was repeated on 64² points, with 8 of the shortest waves "
                  "per side instead of 4.", comparison({
@@ -626,7 +748,7 @@ def main():
     options = parser.parse_args()
     if options.measure:
         main = [case for cases in MAIN.values() for case in cases]
-        cases = [*main, *HARD, *ENDS, *CHECKS, *PERFECT, *LARGER]
+        cases = [*main, *HARD, *ENDS, *CHECKS, *PERFECT, *LARGER, *NEAR_CLOSING, *ABOVE_HARDNESS]
         if options.only:
             cases = [case for name in options.only for case in globals()[name]]
         measure(list(dict.fromkeys(cases)), options.records)
