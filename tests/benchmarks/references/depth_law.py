@@ -12,8 +12,8 @@ import numpy as np
 
 import femseal as fs
 
-#: Mean pressure over the yield stress at first yield, and in the fully plastic state.
-FIRST, LARGEST = 1.1, 3.0
+#: Mean pressure over the yield stress at first yield, and in the fully plastic state of a sphere.
+SPHERE = (1.1, 3.0)
 #: E* a/(σ_y R) at first yield, and where the contact is fully plastic (Johnson 1985, section 6.3).
 FIRST_STRAIN, LAST_STRAIN = 2.5, 40.0
 #: Mean curvature of the summits over the rms of the Laplacian of an isotropic Gaussian surface (Nayak, J. Lubr. Technol.
@@ -29,13 +29,14 @@ def summit_radius(heights, spacing):
     return 1 / (SUMMIT_CURVATURE * laplacian.std())
 
 
-def depth_law(yield_stress, modulus, radius, largest=LARGEST):
-    """Return the hardness over depth [HardnessTable], with `largest` times the yield stress at large depths.
+def depth_law(yield_stress, modulus, radius, ratios=SPHERE):
+    """Return the hardness over depth [HardnessTable].
 
-    The ratio rises with the logarithm of the depth, as in the model of the expanding cavity.
+    The ratio of hardness to yield stress rises from the first to the second value of `ratios` with the logarithm of the
+    depth, as in the model of the expanding cavity.
     """
+    first, largest = ratios
     first_depth = radius / 2 * (FIRST_STRAIN * yield_stress / modulus) ** 2
     depths = first_depth * np.r_[0.0, np.geomspace(0.05, (LAST_STRAIN / FIRST_STRAIN) ** 2, 40)]
-    rise = (largest - FIRST) / np.log1p(depths[-1] / first_depth)
-    ratios = FIRST + rise * np.log1p(depths / first_depth)
-    return fs.HardnessTable(depths, yield_stress * ratios)
+    rise = (largest - first) / np.log1p(depths[-1] / first_depth)
+    return fs.HardnessTable(depths, yield_stress * (first + rise * np.log1p(depths / first_depth)))
