@@ -3,7 +3,7 @@
     python examples/coating_thickness.py OUT
 
 The ring of `silver_ring.toml` is computed with platings of 5 to 100 µm, with solid silver, and without a plating. The
-script writes coating_thickness.csv and a picture into the folder OUT. It takes about four minutes of one core.
+script writes coating_thickness.csv and a picture into the folder OUT. It takes about four minutes on one core.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ MORE_FORCE = 2.5
 
 
 class Need(NamedTuple):
-    """Force [kN] from which on the ring meets the limit: as computed, and by both ends of the 95 % interval.
+    """Smallest force [kN] at which the ring meets the limit, and both ends of the 95 % interval of this force.
 
-    A force is inf if no force of the run is enough, and 0 if the lowest force is enough.
+    A value is inf if the largest force of the run is not enough, and 0 if the smallest force is already enough.
     """
 
     computed: float
@@ -41,7 +41,9 @@ class Need(NamedTuple):
 
 
 def ring(thickness: float | None, face: dict[str, Any] | None = None) -> Case:
-    """Return the case of the ring with a plating [µm]; None is a bare ring, which is pressed with larger forces.
+    """Return the case of the ring with a plating of the given thickness [µm], or without a plating (None).
+
+    The bare ring is pressed with larger forces.
 
     face : keys of the table [face] that are replaced.
     """
@@ -65,14 +67,14 @@ def kilonewtons(force: str) -> float:
 
 
 def needed_force(case: Case) -> Need:
-    """Run a case, and return the force that its limit needs."""
+    """Run a case, and return the force at which the ring meets its leakage limit."""
     results = fs.run(case, workers=1)
     need = results.verdicts[0].assembly
     return Need(*(AREA * 1e-3 * pressure for pressure in (need.computed, need.low, need.value)))
 
 
 def draw(needs: dict[float, Need], path: Path) -> None:
-    """Draw the force over the thickness of the plating, with the 95 % interval."""
+    """Draw the force against the thickness of the plating, with the 95 % interval."""
     from femseal.plots.style import PAGE, STYLES, style
 
     thicknesses = [t for t in needs if t <= 100]

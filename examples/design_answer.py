@@ -15,9 +15,9 @@ import femseal as fs
 
 
 def margin(answer: fs.Design) -> dict[float, float]:
-    """For each pressure in assembly, compute the fraction that may be lost in service.
+    """Compute which fraction of each assembly pressure may be lost in service.
 
-    After this loss, the seal still meets the first class.
+    The seal must still meet the first leakage class after this loss.
     """
     service = answer.requirements[0].service
     return {

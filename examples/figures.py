@@ -9,9 +9,9 @@
 4 leakage        leakage of seals of several lengths, and of a seal that is unloaded from four loads
 5 constrictions  fraction of the pressure drop in the narrowest cells
 
-Figure 0 can be drawn from any results folder. Figures 1 and 5 need a two-scale run. Figures 2 and 3 need a two-scale
-or a stochastic run; for a stochastic run, they show the cells from which the tiles take their permeability. Figure 4
-needs the case of the run as a third argument. Every picture is written as .pdf and .png, 183 mm wide.
+Figure 0 can be drawn from any results folder. Figures 1 and 5 need a two-scale run. Figures 2 and 3 need a two-scale or
+a stochastic run. For a stochastic run, they show the cells from which the tiles take their permeability. Figure 4 needs
+the case of the run as a third argument. Every picture is written as .pdf and .png, 183 mm wide.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ def _sheet(height):
 def face_and_leakage(results: fs.Results) -> Figure:
     """Draw figure 0: the surface, the flow through it at the highest load that leaks, and the leakage over the cycle.
 
-    The flow needs the gap on all pixels. Without it, the heights fill the first row.
+    The flow is drawn if the run has stored the gap on all pixels. Otherwise, the heights fill the whole upper row.
     """
     step = _highest_leaking_step(results)
     has_flow = step in results.stored_steps
@@ -147,7 +147,7 @@ def _longer_side_right(values, size):
 
 
 def two_scales(results: fs.Results, step: int | None = None) -> Figure:
-    """Draw figure 1 of a two-scale run; the default step is that of the highest load that leaks."""
+    """Draw figure 1 of a two-scale run, by default at the highest load at which the seal leaks."""
     data = _with(results, "cell_k1", "a two-scale run")
     leaking = np.flatnonzero(np.nan_to_num(data["leakage_two_scale"].values))
     highest = data["nominal_pressure"].values[leaking]
@@ -202,7 +202,7 @@ def closely(results: fs.Results, step: int) -> dict[tuple[int, int], dict[str, n
 def pixel_flow(
     gap: np.ndarray, spacing: tuple[float, float], sides: str = "mirror"
 ) -> dict[str, np.ndarray]:
-    """Solve the fluid pressure for a unit drop through the gap of a cell [m]; return it with the flow at the pixels."""
+    """Compute the fluid pressure for a unit pressure drop through the gap of a cell [m], and the flow at the pixels."""
     p = fs.cell_permeability(gap, spacing, sides=sides).fluid_pressure
     k, known = gap**3, np.nan_to_num(p)
     # the inlet (pressure 1) and the outlet (pressure 0) are half a pixel beyond the ends
@@ -247,7 +247,7 @@ def _draw_closely(figure, cells, extent):
 
 
 def cells_of(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the prefix of the names of the steps, and pressure, permeability and mean gap (cells, steps)."""
+    """Return the prefix of the step variables, and pressure, permeability and mean gap of the cells (cells, steps)."""
     kind = "state" if "state_k1" in results.dataset else "cell"
     data = _with(results, f"{kind}_k1", "a two-scale or a stochastic run")
     fields = [data[f"{kind}_{name}"].values for name in ("pressure", "k1", "mean_gap")]
@@ -316,7 +316,7 @@ def cycles(results: fs.Results, count: int = 4) -> Figure:
 
 
 def typical(k: np.ndarray, up: np.ndarray, down: np.ndarray, count: int) -> np.ndarray:
-    """Choose cells evenly, in the order of the number of steps at which they are open, then of k at the peak.
+    """Choose cells at even spacing, sorted by the number of steps at which they are open, then by k at the peak.
 
     Cells that are never open are left out.
     """
@@ -362,12 +362,12 @@ def permeability(results: fs.Results) -> Figure:
 
 
 def _floor(k):
-    """Return the lower end of a scale: below the smallest value, but at most twelve decades below the largest."""
+    """Return the lower limit of an axis: below the smallest value, but at most twelve decades below the largest."""
     return max(k[k > 0].min() / 3, 1e-12 * np.nanmax(k))
 
 
 def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
-    """Simulate seals of several lengths (in lengths of the surface), which are unloaded from four loads."""
+    """Simulate seals of several lengths (multiples of the surface length), each unloaded from four loads."""
     prepared, count = fs.preparation.prepare(case), case.stochastic.realisations or SEALS
     scene, top = prepared.scene, prepared.scene.loading[-1]
     peaks = tuple(part * top for part in PEAKS)
@@ -385,7 +385,7 @@ def drawn_seals(case: fs.Case, lengths=LENGTHS) -> list:
 
 
 def leakage(seals: list) -> Figure:
-    """Draw figure 4: the median leakage of all lengths from the highest peak, and of the longest from all peaks."""
+    """Draw figure 4: median leakage of all seals unloaded from the highest peak, and of the longest from all peaks."""
     figure = _sheet(3.4)
     left, right = figure.subplots(1, 2, sharey=True)
     steps = seals[0].steps
@@ -443,12 +443,12 @@ def _path(steps, peak):
 
 
 def _open(values):
-    """Replace values without flow by NaN, so that no line is drawn there."""
+    """Replace values that are not positive by NaN, so that no line is drawn there."""
     return np.where(values > 0, values, np.nan)
 
 
 def constrictions(results: fs.Results) -> Figure:
-    """Draw figure 5: fractions of the pressure drop against the leakage, and a map of them at the smallest leakage."""
+    """Draw figure 5: the pressure drop in the narrowest cells against the leakage, and a map at the lowest leakage."""
     data = _with(results, "cell_drop_fraction", "a two-scale run")
     q, fractions = data["leakage_two_scale"].values, data["cell_drop_fraction"].values
     leaking = np.flatnonzero(np.nan_to_num(q) != 0)

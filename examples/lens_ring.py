@@ -20,7 +20,7 @@ FORCES = np.array([20e3, 50e3, 100e3, 200e3])
 
 
 def lens_rings() -> dict[float, fs.FaceResult]:
-    """Solve contact and flow of crowns of several radii [m] under forces per length of 20 to 200 N/mm."""
+    """Solve the contact and the flow for crowns of several radii [m] under forces of 20 to 200 N/mm."""
     turned = fs.turned(
         (512, 128),
         (1.024e-3, 0.256e-3),
@@ -46,7 +46,7 @@ def lens_rings() -> dict[float, fs.FaceResult]:
 
 
 def hertz_band(radius: float, force: float) -> float:
-    """Compute the width [m] of the contact band of a smooth crown, 2 √(4 W R/(π E*)), for the force W per length."""
+    """Compute the width [m] of the contact band of a smooth crown under a force W per length, 2 √(4 W R/(π E*))."""
     modulus = fs.contact_modulus(fs.Solid(210e9, 0.3), fs.Solid(210e9, 0.3))
     return float(2 * np.sqrt(4 * force * radius / (np.pi * modulus)))
 

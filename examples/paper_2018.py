@@ -1,10 +1,10 @@
 """The method of the paper
 =======================
 
-This script computes the leakage of a seal by the method of Pérez-Ràfols, Larsson, van Riet and Almqvist (2018). For a
-random seal, the paper chooses random permeabilities at the highest load, and adds random derivatives of the
-permeability with respect to the pressure to obtain the other loads. The script compares the leakage with that of the
-surface at full resolution, and with that of the stochastic seals of femseal.
+This script computes the leakage of a seal by the method of Pérez-Ràfols, Larsson, van Riet and Almqvist (2018). In the
+paper, the permeabilities of a random seal are chosen at random at the highest load. For the other loads, they are
+extrapolated step by step with randomly chosen derivatives with respect to the pressure. The script compares the leakage
+with that of the surface at full resolution, and with that of the stochastic seals of femseal.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def global_contact(scene: fs.Scene, cells: tuple[int, int]) -> list[tuple]:
     Returns
     -------
     list of (contact state on the coarse grid, gap (n1, n2) on the fine grid)
-        The gap contains all waves of the surface. It is negative where the asperities of the short waves overlap.
+        The gap contains all waves of the surface. It is negative where short-wave asperities overlap.
     """
     face = scene.surface
     smooth = face.low_pass(face.size[0] / cells[0] / 2)
@@ -141,8 +141,9 @@ def alike(rank, first, last, count, rng) -> np.ndarray:
 def step_down(k, start, end, change, rng) -> np.ndarray:
     """Change the permeability k of each link from one load to the next.
 
-    The change is that of a randomly chosen window whose permeability at the first load (`start`) is similar to k. It is
-    the change from `start` to `end`. For a closed link, one of the closed windows is chosen.
+    For each link, a window is chosen at random from the windows whose permeability at the first load (`start`) is
+    similar to k. For a closed link, it is one of the closed windows. The change in the permeability of this window,
+    from `start` to `end`, is added to k.
     """
     order, closed = np.argsort(start, kind="stable"), np.count_nonzero(start == 0)
     first, last = np.where(k > 0, closed, 0), np.where(k > 0, start.size, closed)

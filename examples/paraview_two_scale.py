@@ -30,7 +30,7 @@ def opened(folder):
 
 
 def coloured(source, array, title, palette, view, time):
-    """Show a source with a colour bar for the range of its values at this time."""
+    """Show a source coloured by one of its arrays, with a colour bar for the range of values at this time."""
     source.UpdatePipeline(time)
     shown = pv.Show(source, view)
     shown.SetRepresentationType("Surface")

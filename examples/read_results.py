@@ -1,8 +1,8 @@
 """Results of a case
 =================
 
-This script reads a results folder: its table, single numbers by their names, pictures and the report. To create the
-folder, run ``femseal run examples/turned_seal.toml -o results/turned_seal``.
+This script reads a results folder: the table of results, single numbers by name, the pictures and the report. To create
+the folder, run ``femseal run examples/turned_seal.toml -o results/turned_seal``.
 """
 
 from __future__ import annotations

@@ -63,7 +63,7 @@ def scene(
 
 
 def doubling_share(pressure: np.ndarray, leakage: np.ndarray) -> float:
-    """Return the fraction of the peak load that is lost when the leakage has doubled; NaN if it never doubles.
+    """Return the fraction of the peak load that has been removed when the leakage has doubled; NaN if it never doubles.
 
     The arrays begin at the peak and continue along the unloading.
 
@@ -77,7 +77,7 @@ def doubling_share(pressure: np.ndarray, leakage: np.ndarray) -> float:
 
 
 def study(plasticity=PLASTICITY, sizes=SIZES, realisations=3, mapper=map):
-    """Study finding 3; return a row for each hardness, size and peak."""
+    """Test finding 3; return a row for each hardness, size and peak."""
     rows = []
     for ratio in plasticity:
         case = scene(ratio)
@@ -110,17 +110,20 @@ def study(plasticity=PLASTICITY, sizes=SIZES, realisations=3, mapper=map):
 
 
 def cells_of_faces(faces=FACES, plasticity=0.1, mapper=map) -> dict[int, fs.FaceResult]:
-    """Solve the cells of surfaces with several numbers of cells per side, up to closing and back."""
+    """Solve the cells of surfaces of several sizes (cells per side), loaded until they close and then unloaded."""
     load = {"loading": TO_CLOSING, "peaks": TO_CLOSING[-1:], "unloading": TO_CLOSING[-2::-2]}
     return {n: fs.two_scale(scene(plasticity, n, **load), (n, n), mapper=mapper) for n in faces}
 
 
 def scatter(result: fs.FaceResult, hardness: float):
-    """Study findings 1, 2 and 4; return a row for each load.
+    """Test findings 1, 2 and 4; return a row for each load.
 
-    The entries of a row are: decades, the scatter of k1 between the 5 % and the 95 % quantile of the open cells;
-    closed, the fraction of closed cells; over_plates, the median of k1 divided by h̄³/12; half_of_drop, the smallest
-    number of cells that carry half of the pressure drop.
+    Each row contains, among others:
+
+    - decades: number of decades between the 5 % and the 95 % quantile of k1 of the open cells;
+    - closed: fraction of closed cells;
+    - over_plates: median of k1 divided by h̄³/12;
+    - half_of_drop: smallest number of cells that together carry half of the pressure drop.
     """
     rows = []
     for s, step in enumerate(result.steps):
@@ -144,7 +147,7 @@ def scatter(result: fs.FaceResult, hardness: float):
 
 
 def draw(rows, faces, path):
-    """Draw the permeability and the pressure drop of cells, and below them the unloading against the size."""
+    """Draw the permeability and pressure drop of the cells, and below them the growth of leakage on unloading."""
     with fs.plots.style.style():
         _draw(rows, faces).savefig(path, dpi=fs.plots.style.DPI)
 

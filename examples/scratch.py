@@ -9,16 +9,16 @@ Conference 2011, OS0804-1, abstract). The leakage was practically zero until the
 and 2 µm deep, and then increased rapidly. The authors state that the physical meaning of these limits is not
 understood.
 
-The picture shows such a rapid increase. A scratch that is wide compared with its depth is pressed flat: with
-this profile, a width w and a pressure p, it closes elastically up to a depth of p w/(1.85 E*). In a deeper scratch,
-the roughness still blocks the flow, until the leakage grows with the third power of the depth. With
-the roughness and the loads assumed here, a scratch adds 0.01 mL/min from a depth of 0.5 to 1.3 µm on. A scratch
-of 2 µm in a width of 100 µm leaks at all of these loads; to press it flat, 4 GPa would be needed, more than the
-hardness of the steel.
+The picture shows the same rapid increase. A wide, shallow scratch is pressed flat: with the cosine profile used
+here, a scratch of width w closes elastically under a pressure p if it is not deeper than p w/(1.85 E*). In a
+slightly deeper scratch, the roughness still blocks the flow. At larger depths, the leakage grows with the cube
+of the depth. With the roughness and the loads assumed here, a scratch must be 0.5 to 1.3 µm deep to add 0.01
+mL/min. A scratch 100 µm wide and 2 µm deep leaks at all of these loads. To press it flat would take 4 GPa,
+which is more than the hardness of the steel.
 
-The limits of the test cannot be predicted, because the abstract does not state the roughness of the seat, its
-contact pressure, the smallest leakage that could be measured, or whether the damage crossed the whole seat.
-Slip of the gas is left out.
+The limits found in the test cannot be predicted, because the abstract states neither the roughness and the
+contact pressure of the seat nor the smallest leakage that could be measured. It does not say either whether the
+damage crossed the whole seat. Gas slip is neglected.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def scratched(seat: fs.Topography, width: float, depth: float) -> fs.Topography:
 
 
 def conductance(seat: fs.Topography, pressure: float) -> float:
-    """Return the permeability of a part of the seat times its length over the width of the whole seat [m³]."""
+    """Return the conductance [m³] of a part of the seat: permeability times length over width of the seat."""
     body = fs.HalfSpace(seat.shape, seat.spacing, MODULUS)
     contact = fs.solve_contact(seat.gap(), body, pressure=pressure, hardness=STEEL.hardness)
     k = fs.cell_permeability(contact.gap, seat.spacing, sides="periodic").value
@@ -63,7 +63,7 @@ def conductance(seat: fs.Topography, pressure: float) -> float:
 
 
 def leakages(pressure: float) -> tuple[float, np.ndarray]:
-    """Return the leakage of the seat [m³/s] without a scratch, and with each scratch, (width, depth)."""
+    """Return the leakage of the seat [m³/s] without a scratch, and for each scratch as an array (width, depth)."""
     strip = fs.RectangularSeal(SEAT, (1, 1))
     ends = {"inlet_pressure": INLET, "outlet_pressure": OUTLET}
     whole = fs.seal_leakage(strip, 1e-18, HYDROGEN, **ends)
@@ -82,7 +82,7 @@ def leakages(pressure: float) -> tuple[float, np.ndarray]:
 
 
 def leaking_depth(leakage: np.ndarray, seat_leakage: float) -> float:
-    """Return the depth from which on a scratch adds `LIMIT` to the leakage of the seat [m]; NaN if no depth does."""
+    """Return the depth [m] at which the leakage added by a scratch reaches `LIMIT`; NaN if it never does."""
     added = leakage - seat_leakage
     number = int(np.argmax(added > LIMIT))
     if number == 0:

@@ -26,8 +26,8 @@ SCENE = fs.Scene(
 def log_leakage(values: np.ndarray) -> np.ndarray:
     """Compute ln(leakage [m²/s]) of n scenes.
 
-    The array `values` has the shape (3, n). Its rows are the hardness [Pa], a factor for the heights, and the viscosity
-    [Pa·s].
+    The array `values` has the shape (3, n). Its rows are the hardness [Pa], a factor by which the heights are
+    multiplied, and the viscosity [Pa·s].
     """
     leakages = []
     for hardness, roughness, viscosity in values.T:

@@ -1,4 +1,4 @@
-"""Draw two scales of a results folder: the pressure drop of the cells, and the contact pressure on all pixels.
+"""Draw the results of a run at two scales: the pressure drop of the cells, and the contact pressure on all pixels.
 
     python examples/two_scale_view.py results/turned_seal view.png
 

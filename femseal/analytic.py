@@ -167,9 +167,9 @@ def wave_gap(x: ArrayLike, ratio: float, half_height: float, wavelength: float) 
 def wave_groove_flow(ratio: float, points: int = 200) -> float:
     """Return the dimensionless mean cube of the gap, ⟨g³⟩/(2Δ)³, for the flow along the grooves of a wave.
 
-    The permeability along the grooves is (2Δ)³/12 times the returned value, which is 5/16 for p̄ = 0. The mean over the
-    open part of the wave is computed by Gauss-Legendre quadrature. The quadrature points are dense near the edge of the
-    contact, where the gap is proportional to (s − s_a)^{3/2} (see `wave_gap` for s and s_a).
+    The permeability along the grooves is (2Δ)³/12 times the returned value. For p̄ = 0, this value is 5/16. The mean
+    over the open part of the wave is computed by Gauss-Legendre quadrature. The quadrature points are dense near the
+    edge of the contact, where the gap is proportional to (s − s_a)^{3/2} (see `wave_gap` for s and s_a).
 
     Parameters
     ----------
@@ -451,9 +451,8 @@ def critical_junction(
 
     If only the waves up to a wave number q are resolved, the surface has the apparent contact fraction A(q), which
     decreases with q. When A(q) falls below the percolation threshold, a first open path appears. The narrowest point of
-    the first open path is the critical junction. In the parts of the surface that are in apparent contact at the
-    resolution q, the shorter waves (wave numbers q′ > q) keep the faces apart. The mean gap between the faces, in the
-    parts of the surface in apparent contact, is
+    the first open path is the critical junction. Where the faces are in apparent contact at the resolution q, the
+    shorter waves (wave numbers q′ > q) keep them apart. The mean gap in these parts of the surface is
 
     u = √π ∫ q′²C w G(w p̄/AE*) dq′,
 
@@ -462,9 +461,9 @@ def critical_junction(
     γ = 0.45.
 
     The gap of the critical junction is set to 2u, but not to more than the mean gap. The factor 2 was determined from
-    simulations of 100 surfaces. For the median surface, parallel plates with the gap of the critical junction leak as
-    much as the surface. Persson's theory gives the gap d(Au)/dA instead of 2u. For elastic solids, d(Au)/dA is 2u to
-    3u, but for solids that yield it may become arbitrarily large. A solid that yields is replaced by a softer elastic
+    simulations of 100 surfaces. With this factor, the median surface leaks as much as parallel plates with the gap of
+    the critical junction. Persson's theory gives the gap d(Au)/dA instead of 2u. For elastic solids, d(Au)/dA is 2u to
+    3u. For solids that yield, it may become arbitrarily large. A solid that yields is replaced by a softer elastic
     solid with the same contact fraction.
     Sources: Persson & Yang, J. Phys. Condens. Matter 20, 2008, 315011; Yang & Persson, ibid., 215214.
 

@@ -222,7 +222,7 @@ def plot(
         Path | None, option("Folder of the pictures.", "DIR", "-o", "--output")
     ] = None,
 ) -> None:
-    """Draw pictures of a run again: other formats for print, other load steps."""
+    """Draw the pictures of a run again, in other formats or at other load steps."""
     from .report import write_pictures
     from .results import open_results
     from .results.file_options import read_formats
@@ -385,7 +385,7 @@ def surface(
 ) -> None:
     """Describe a measured face, and print how a run would prepare the face. All options are also keys of a case file.
 
-    If a run would reject the face, the face is described and drawn nevertheless, with the reason for the rejection.
+    If a run would reject the face, it is still described and drawn, and the reason for the rejection is printed.
     """
     options = dict(locals())
     from .preparation.survey import survey

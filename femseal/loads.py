@@ -1,7 +1,7 @@
 """Define load programmes: the nominal pressures of a load cycle, on loading and on unloading from peak loads.
 
 Loads can also be given as forces on the seal, which are converted to nominal pressures by the size of the seal. The
-functions `load_sensitivity`, `first_known` and `least_counted` evaluate the leakages of a load cycle.
+functions `load_sensitivity`, `first_known` and `least_counted` evaluate the leakage over a load cycle.
 """
 
 from __future__ import annotations
@@ -90,8 +90,8 @@ class LoadProgramme(tuple[LoadStep, ...]):
             Pressures of the unloading [Pa]. From each peak, the seal is unloaded in falling order to the pressures in
             `unloading` that are below the peak.
         unit : str
-            Unit of the numbers in error messages, one of `LOAD_UNITS`. If `unit` is "N" or "N/m", the lists contain
-            forces, which can thus be checked before they are converted to pressures.
+            Unit of the numbers in error messages, one of `LOAD_UNITS`. With "N" or "N/m", the lists contain forces, so
+            that forces can be checked before they are converted to pressures.
 
         Raises
         ------
@@ -237,8 +237,8 @@ def _rounded(pressure: float) -> float:
 def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
     """Estimate |d ln(leakage) / d ln(load)| at every load step.
 
-    The slope of ln(leakage) over ln(load) is computed from each step to the previous step and to the next step of the
-    same branch of the load cycle. The sensitivity is the slope with the larger magnitude.
+    For each step, the slope of ln(leakage) over ln(load) is computed towards the previous step and towards the next
+    step of the same branch of the load cycle. The steeper of the two slopes is the sensitivity.
 
     Parameters
     ----------
@@ -294,8 +294,8 @@ def first_known(leakage: Array) -> int:
 def least_counted(leakage: Array) -> float:
     """Return the limit below which a leakage is too small for comparisons.
 
-    The limit is `FLOOR` times the leakage at the first load step at which the leakage is known. If the leakage is
-    unknown at all steps, the limit is NaN.
+    The limit is `FLOOR` times the leakage at the first load step with a known leakage. If the leakage is unknown at all
+    steps, the limit is NaN.
 
     leakage : array (steps,), leakage at each load step, in any unit.
     """

@@ -1,7 +1,7 @@
 """Write bolted_ring.msh: a full-face gasket with four bolt holes, in triangles.
 
-Boundaries "bore", "rim" and "bolts"; lengths in mm; gmsh's format 4.1. Run it to write the file anew, with
-`pip install '.[mesh]'`: python meshes/bolted_ring.py
+Boundaries "bore", "rim" and "bolts"; lengths in mm; gmsh's format 4.1. To write the file again, install gmsh with `pip
+install '.[mesh]'` and run: python meshes/bolted_ring.py
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Write cone_seat.msh: the seat of a cone of half angle 45°, unrolled into the plane, in quadrilaterals.
 
-A cone of half angle α unrolls into a sector of 2π sin α, whose radii are distances from the tip. Boundaries "small" and
-"large"; nothing flows through the cut, where flow along the generators has no need to. Lengths in mm; gmsh's format
-2.2. Run it to write the file anew: python meshes/cone_seat.py
+A cone of half angle α unrolls into a sector with the angle 2π sin α, whose radii are distances from the apex. The
+boundaries are "small" and "large". The cut is closed, which changes nothing as long as the fluid flows along the
+generators. Lengths are in mm, in gmsh's format 2.2. To write the file again, run: python meshes/cone_seat.py
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ SMALL_RADIUS, LARGE_RADIUS, HALF_ANGLE = 5.0, 6.0, pi / 4
 
 
 def area() -> float:
-    """Area of the seat, that of the cone."""
+    """Return the area of the seat, which is a truncated cone."""
     return pi * (LARGE_RADIUS**2 - SMALL_RADIUS**2) / sin(HALF_ANGLE)
 
 

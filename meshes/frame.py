@@ -1,7 +1,7 @@
 """Write frame.msh: the frame round a rectangular window, in quadrilaterals.
 
-Boundaries "inside" and "outside"; lengths in mm; gmsh's format 4.1. Run it to write the file anew, with
-`pip install '.[mesh]'`: python meshes/frame.py
+Boundaries "inside" and "outside"; lengths in mm; gmsh's format 4.1. To write the file again, install gmsh with `pip
+install '.[mesh]'` and run: python meshes/frame.py
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Write racetrack.msh: a band round two half circles and two straight sides, in triangles.
 
-Boundaries "inside" and "outside"; lengths in mm; gmsh's format 2.2. Run it to write the file anew, with
-`pip install '.[mesh]'`: python meshes/racetrack.py
+Boundaries "inside" and "outside"; lengths in mm; gmsh's format 2.2. To write the file again, install gmsh with `pip
+install '.[mesh]'` and run: python meshes/racetrack.py
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Write ring.msh: an annulus of radii 10 and 15 mm in quadrilaterals, boundaries "inlet" (inner) and
 "outlet".
 
-Run it to write the file anew: python meshes/ring.py
+To write the file again, run: python meshes/ring.py
 """
 
 from __future__ import annotations

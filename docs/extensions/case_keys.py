@@ -1,4 +1,4 @@
-"""The page of all keys of a case file, from the tables of `femseal.case`."""
+"""Write the page of all keys of a case file from the tables of `femseal.case`."""
 
 import json
 import re
@@ -35,7 +35,7 @@ _KINDS = {"string": "text", "object": "table"}
 
 
 def write_case_keys(page: Path, case=Case, schema=None) -> None:
-    """Write the page, one section for a table of the file and one row for a key; and a new case beside it."""
+    """Write the page, with a section for each table and a row for each key, and a template of a case beside it."""
     schema = schema or case_schema()
     fields, definitions = keys_of(case), schema["definitions"]
     blocks = [_HEAD, "## Top of the file\n", _COLUMNS]
@@ -52,7 +52,7 @@ def write_case_keys(page: Path, case=Case, schema=None) -> None:
 
 
 def _section(name, field, definitions, seen):
-    """The section of a table and of those in it."""
+    """Yield the lines of the section of a table, and of the sections of the tables inside it."""
     tables = tables_in(field)
     if not tables:
         return
@@ -94,7 +94,7 @@ def _section(name, field, definitions, seen):
 
 
 def _needed(name, field, beside):
-    """When a key must stand in a table."""
+    """Return a phrase that says when a key must be given."""
     others = [f"or `{key}`" for key, one in beside.items() if declared(one, "instead") == name]
     when = [declared(field, "needed"), *others]
     if instead := declared(field, "instead"):
@@ -121,7 +121,7 @@ def _row(name, field, schema, needed, around, meaning=""):
 
 
 def _type(schema, quantity, meaning=""):
-    """Kind of a value in words."""
+    """Describe the type of a value in words."""
     if "$ref" in str(schema):
         return "table, or list of tables" if "array" in str(schema) else "table"
     if schema.get("type") == ["string", "array"]:
@@ -146,7 +146,7 @@ def _type(schema, quantity, meaning=""):
 
 
 def _default(field, quantity):
-    """A default as a file would give it."""
+    """Return the default of a key as it would be written in a case file."""
     from femseal.base.quantities import to_text
 
     value = field.default

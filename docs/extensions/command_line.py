@@ -1,4 +1,4 @@
-"""The page of the command line: what `femseal COMMAND --help` says."""
+"""Write the page of the command line from the output of `femseal COMMAND --help`."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ stopped with Ctrl-C.
 
 
 def write_command_line(page: Path) -> None:
-    """Write the page; help comes without boxes."""
+    """Write the page; the help texts are printed without frames."""
     app.rich_markup_mode = None
     names = [command.name or command.callback.__name__ for command in app.registered_commands]
     blocks = [f"## {name}\n\n```text\n{_help(name)}\n```" for name in names]

@@ -1,4 +1,7 @@
-"""Docstrings as napoleon reads them: fields of dataclasses with their unit and meaning, names apart from their text."""
+"""Convert docstrings to the form that napoleon reads.
+
+The fields of a dataclass are listed with their units and meanings. The name of each entry is put on a line of its own.
+"""
 
 import re
 from dataclasses import fields, is_dataclass
@@ -13,7 +16,7 @@ _NAMED = ("Parameters", "Attributes", "Raises")
 
 
 def restructured_docstring(app, what, name, obj, options, lines):
-    """Handler of `autodoc-process-docstring`."""
+    """Handle `autodoc-process-docstring`."""
     if what == "class" and is_dataclass(obj) and not any(map(_is_rule, lines)):
         _list_fields(obj, lines)
     text = [_without_bars(line) for line in _returns_in_one_line(lines)]
@@ -30,7 +33,7 @@ def restructured_docstring(app, what, name, obj, options, lines):
 
 
 def _has_type(lines, n, text):
-    """Return whether an entry has a type, with its meaning in the indented lines below, as numpydoc does."""
+    """Return whether an entry follows numpydoc: a type on its first line, and its meaning in indented lines below."""
     return _TYPE.fullmatch(text) is not None and _is_indented_below(lines, n)
 
 
@@ -41,7 +44,7 @@ def _is_indented_below(lines, n):
 
 
 def short_signature(app, what, name, obj, options, signature, returns):
-    """Handler of `autodoc-process-signature`: numpy's types by the names of the code, defaults that can be read."""
+    """Handle `autodoc-process-signature`: shorten numpy's types, and replace unreadable defaults by dots."""
     return ("(...)" if name == "femseal.Case" else _shortened(signature)), _shortened(returns)
 
 
@@ -63,7 +66,7 @@ def _without_bars(line):
 
 
 def _returns_in_one_line(lines):
-    """Put a section of returned values that is prose in one line: napoleon would take its first words for a type."""
+    """Put prose in a Returns section on one line, because napoleon would take its first words for a type."""
     out, n = [], 0
     while n < len(lines):
         has_section = (
@@ -81,7 +84,7 @@ def _returns_in_one_line(lines):
 
 
 def _list_fields(obj, lines):
-    """Fields that a docstring or their metadata explain, in their order, at the end of the docstring."""
+    """List the fields of a dataclass and their explanations, in their order, at the end of its docstring."""
     names = {field.name for field in fields(obj)}
     said, text, entry = {}, [], ""
     for line in lines:

@@ -1,4 +1,4 @@
-"""Formulas of the pages as MathML, written at build: browsers show it by themselves, and load nothing for it."""
+"""Convert the formulas of the pages to MathML, which browsers display without loading any script."""
 
 import re
 
@@ -12,7 +12,7 @@ PLAIN = 'stretchy="false" lspace="0" rspace="0"'
 
 
 def mathml(node, as_block=False):
-    """MathML of a formula; one that cannot be converted is a warning, which fails a build with `-W`."""
+    """Convert a formula to MathML; if this fails, log a warning, which stops a build with `-W`."""
     tex = re.sub(
         r"(frac)(\d)(\d)", r"\1{\2}{\3}", node.astext()
     )  # docutils takes two digits for one number

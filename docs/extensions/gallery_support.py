@@ -1,4 +1,4 @@
-"""What sphinx-gallery does not do by itself: the name of a script, and a notebook as an example."""
+"""Extend sphinx-gallery: define `__file__` in the examples, and convert a notebook to an example."""
 
 import builtins
 import json
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def name_the_script(gallery_conf, fname):
-    """Tell an example its `__file__`, which it does not have where its text is executed."""
+    """Define `__file__` for an example, because sphinx-gallery executes its text without it."""
     if fname:
         builtins.__file__ = str(
             Path(gallery_conf["src_dir"], gallery_conf["examples_dirs"], Path(fname).name)
@@ -15,7 +15,7 @@ def name_the_script(gallery_conf, fname):
 
 
 def notebook_as_script(notebook: Path, script: Path) -> None:
-    """Write the cells of a notebook as blocks of a script; its first cell is the docstring, with the title."""
+    """Write the cells of a notebook as blocks of a script; the first cell, with the title, becomes the docstring."""
     first, *others = json.loads(notebook.read_text(encoding="utf-8"))["cells"]
     blocks = [f'"""{_restructured(first)}\n"""']
     after_text = False

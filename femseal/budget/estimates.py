@@ -230,9 +230,9 @@ def patch_form_part(
     curvature is removed. On unloading, the distance is at least as large as at the highest load before unloading.
 
     In a test, the leakage of a quarter of a map was compared with the leakage of the whole map, for eight maps at 140
-    loads. An interval from half to twice the leakage of the quarter contained the leakage of the whole map in 49 % of
-    the cases. An interval that was extended at one end by the change of ln(leakage) contained the leakage of the whole
-    map in 56 % of the cases, and an interval that was extended at both ends in 61 %.
+    loads. In 49 % of the cases, the leakage of the whole map was between half and twice the leakage of the quarter.
+    When this interval was extended at one end by the change of ln(leakage), it contained the leakage of the whole map
+    in 56 % of the cases. Extended at both ends, it did so in 61 %.
 
     rises : whether the spectrum of the patch rises towards long waves, so that the seal probably has longer waves than
         the patch. If True, the effect of the longest waves of the patch is included.

@@ -211,7 +211,7 @@ class Case(Table):
     def _check_loads(self) -> None:
         """Raise an InputError if the highest pressure of the load cycle is not below the hardness.
 
-        Forces are checked later, because the nominal pressures are only known with the area of the seal.
+        Forces are checked later, because the area of the seal is needed to convert them to nominal pressures.
         """
         if self.load.unit == "Pa" and self.load.highest >= self.law.capacity:
             expected = f"pressures below the hardness, {to_text(self.law.capacity, 'Pa')}"
@@ -280,8 +280,8 @@ class Case(Table):
     def _check_seat(self) -> None:
         """Raise an InputError if the case has a seat that is not flat, and another table that requires a flat seat.
 
-        With a seat that is not flat, the boundary of the contact must be free along x1, the form of a measured face
-        must be removed, the seal must be a strip or a ring, and a pressure map is not possible.
+        With a seat that is not flat, the contact must have a free boundary along x1, and the form must be removed from
+        a measured face. The seal must be a strip or a ring, and a pressure map is not allowed.
         """
         kind = self.seat.kind
         boundary = self.contact.boundary[0]  # along x1

@@ -60,7 +60,7 @@ HARDNESS_COLUMNS = (
 
 
 def complete(data: RawTable) -> RawTable:
-    """Return the tables of a case with the changes that the docstring of the module lists.
+    """Complete the tables of a case: make the changes that are listed in the docstring of the module.
 
     The entry `named_warnings` of the returned data is a tuple of warnings. A warning is added for each renamed key, for
     a method that follows from the accuracy, and for a metal at a high temperature. A warning is also added for each
@@ -152,7 +152,7 @@ def _with_present_keys(face: Any, warnings: list[str]) -> Any:
 
 
 def least_detrend(kind: object) -> int:
-    """Return the lowest value of `surface.detrend` that a measured surface needs on a seat of the given kind.
+    """Return the lowest value of `surface.detrend` that is allowed for a measured surface on a seat of the given kind.
 
     The value is 0 if the mean has to be removed from the surface, 1 for the mean and the tilt, and 2 if the curvature
     has to be removed as well. The shape of the seat is added to the measured surface later. The measured surface must

@@ -109,7 +109,7 @@ def _explain_missing(path: list[str], table: type[Table]) -> InputError:
 
 
 def _known_keys(path: list[str], table: type[Table]) -> str:
-    """List the keys of a table, and suggest which key the user may have meant by an unknown key.
+    """List the keys of a table, and suggest which key the user may have meant.
 
     The suggestion is a key of another kind of the same table, a key of another table, or a key with a similar name.
     """

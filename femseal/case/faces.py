@@ -281,8 +281,7 @@ class FileFace(MapFile):
 
         Raises
         ------
-        InputError : the table has both `path` and `patches`, or none of the two; or `patches` contains fewer than two
-            patches.
+        InputError : the table has both `path` and `patches`, or neither; or `patches` contains fewer than two patches.
         """
         if self.patches is None:
             if self.path is None:

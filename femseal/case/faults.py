@@ -1,9 +1,9 @@
 """Raise errors in the validators of a case, so that every message can name the key of the case file.
 
-A validator raises an `InputError`, and pydantic records which value or table was validated. The validator of a table
-passes the name of a key in the table as the first argument of the error: if the validator of [fluid] raises
-`InputError("inlet_pressure", …)`, the message names the key `fluid.inlet_pressure`. The validator of a single value
-passes an empty text as the first argument, because pydantic records the key.
+A validator raises an `InputError`, and pydantic records which value or table was validated. The first argument of the
+error is a key. The validator of a table passes the name of a key in the table. For example, if the validator of [fluid]
+raises `InputError("inlet_pressure", …)`, the message names the key `fluid.inlet_pressure`. The validator of a single
+value passes an empty text, because pydantic records the key.
 """
 
 from collections.abc import Iterator
@@ -55,7 +55,7 @@ def as_value_error(expected: str = "") -> Iterator[None]:
 
 @contextmanager
 def errors_in_table(table: str) -> Iterator[None]:
-    """Prepend the key of a table to the key in an InputError that is raised in the `with` block."""
+    """Prepend the key of a table to the key of any InputError that the `with` block raises."""
     try:
         yield
     except InputError as error:

@@ -37,7 +37,7 @@ def hot_hardness_warnings(data: dict[str, Any]) -> Iterator[str]:
 
 
 def _warn(solid: dict[str, Any], table_key: str, temperature: float) -> Iterator[str]:
-    """Warn if the hardness of a solid is that of its named metal at room temperature.
+    """Warn if a solid has the hardness of its named metal at room temperature.
 
     Parameters
     ----------

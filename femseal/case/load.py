@@ -263,7 +263,7 @@ class LoadTable(Table):
 
     @property
     def _map_loads(self) -> list[float]:
-        """Load of each pressure map. Maps without a load are left out."""
+        """Loads to which the pressure maps belong. A map without a load is skipped."""
         return [table.at for table in self.map or () if table.at is not None]
 
     def pressures(self, area: float, length: float) -> dict[str, tuple[float, ...]]:

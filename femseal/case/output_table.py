@@ -145,7 +145,7 @@ class OutputTable(Table):
 
     @property
     def files(self) -> dict[str, Any]:
-        """Keys that determine which files are written, as arguments of `report.write_folder`."""
+        """Values of the keys that determine which files are written, as arguments of `report.write_folder`."""
         return self.model_dump(include=set(FILE_KEYS))
 
     @property
@@ -155,6 +155,6 @@ class OutputTable(Table):
 
 
 def with_picture_formats(case: Any, formats: tuple[str, ...]) -> Any:
-    """Return a copy of a case that writes pictures in other formats, even if the case itself writes no pictures."""
+    """Return a copy of a case that writes pictures in the given formats, even if the case itself writes none."""
     output = case.output.model_copy(update={"pictures": True, "picture_formats": formats})
     return case.model_copy(update={"output": output})

@@ -1,7 +1,7 @@
 """Define the types of the values in a case file: quantities with a unit, numbers in a range, and names.
 
-Each type is an `Annotated` type of pydantic. A `Quantity` in the annotation converts text with a unit to SI units. A
-`UsualRange` causes a warning for values outside the range, whose unit may be wrong.
+Each type is an `Annotated` type of pydantic. A `Quantity` in the annotation converts text with a unit to SI units. With
+a `UsualRange`, a value outside the range causes a warning, because its unit may be wrong.
 """
 
 from __future__ import annotations
@@ -131,8 +131,8 @@ class UsualRange:
     """Annotate a quantity with the usual range of its values in SI units.
 
     A value outside the usual range is valid, but leads to a warning, because its unit may be wrong. A type that allows
-    several units has a usual range for each unit. If the annotation of a key contains several ranges with the same
-    unit, the last range is used, so that a key can have a narrower range than its type.
+    several units has a usual range for each unit. If an annotation contains several ranges with the same unit, the last
+    one applies. A key can thus have a narrower range than its type.
     """
 
     low: float
@@ -142,7 +142,7 @@ class UsualRange:
 
 @dataclass(frozen=True)
 class OneForBothAxes:
-    """Annotate a pair of values for x1 and x2, in place of which a case can contain a single value for both axes."""
+    """Annotate a pair of values for x1 and x2; a case can give a single value instead, which applies to both axes."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> Any:
         return core_schema.no_info_wrap_validator_function(self._read, handler(source))

@@ -2,8 +2,8 @@
 
 The tables [fluid], [seal], [seal.form] and [seat] are derived from registered classes. For every class in
 `fluids.FLUIDS`, `seal.layouts.LAYOUTS`, `seal.form.FORMS` and `topography.seat.SEATS` there is a table with a key for
-each parameter of the class. The module only declares keys that have no corresponding parameter, and keys whose type is
-more specific than the type of the parameter.
+each parameter of the class. Only two groups of keys are declared here: keys without a corresponding parameter, and keys
+with a more specific type than the parameter.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ _KEYS_OF_MESHES: dict[str, Any] = {"inlet": Boundaries, "outlet": Boundaries}
 
 
 def _keys_of_seal(layout: Any) -> dict[str, Any]:
-    """Return the types of keys that are more specific than the types of the corresponding parameters of a layout."""
+    """Return the types of those keys of a layout whose type is more specific than the type of the parameter."""
     return _KEYS_OF_SEALS | (_KEYS_OF_MESHES if layout is MeshLayout else {})
 
 

@@ -219,8 +219,8 @@ class SolidTable(Table):
         """Yield stress [Pa] of the solid below its surface, inf if it does not yield.
 
         The yield stress is taken from the case or, if the case has no yield stress, from the named metal. If only the
-        hardness of the solid is known, the hardness divided by 2.8 is returned, which is the yield stress of the
-        hardened metal and an upper bound of the yield stress below the surface.
+        hardness of the solid is known, the hardness divided by 2.8 is returned. This is the yield stress of the
+        hardened metal, and thus an upper bound of the yield stress below the surface.
         """
         solid = self.solid
         if solid.yield_stress is None and self.name is not None:

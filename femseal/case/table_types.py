@@ -52,7 +52,7 @@ def key(
     example : value, in TOML, that a file of `femseal new` shows in a comment. By default, the file shows the example of
         the quantity or, if the quantity has no example, the default value.
     since : version of femseal in which the key was introduced.
-    instead : name of another key of the same table, in place of which the key can be given.
+    instead : name of another key of the same table that this key can replace.
     needed : phrase that says when the key is needed, such as "without a `name`".
     limits : limits of the value, as arguments for `pydantic.Field`.
     """
@@ -131,10 +131,9 @@ def table_for_each(
     classes : frozen dataclasses by their kinds. The fields of the dataclasses are declared by
         `base.validate.parameter`.
     base : base class of the tables.
-    other_keys : function that takes a registered class and returns a dictionary of keys. If the class has a field with
-        the name of a key, the value in the dictionary is a type, which replaces the type of the field. If the class has
-        no field with the name of a key, the value in the dictionary is a pair: the type of the key, and the declaration
-        of the key by `key`.
+    other_keys : function that takes a registered class and returns a dictionary of keys. If a key has the same name as
+        a field of the class, its value is the type to use instead of the type of the field. Otherwise, its value is a
+        pair: the type of the new key, and its declaration by `key`.
     """
     tables = [_create_table(kind, cls, base, other_keys(cls)) for kind, cls in classes.items()]
     return Annotated[reduce(or_, tables), Field(discriminator="kind")]

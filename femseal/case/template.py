@@ -62,7 +62,7 @@ def keys_of(table: type[Table]) -> dict[str, FieldInfo]:
 
 
 def declared(field: FieldInfo, argument: str) -> Any:
-    """Return an argument with which `table_types.key` declared a key; None if the declaration lacks the argument."""
+    """Return an argument that `table_types.key` was given when a key was declared; None if it was not given."""
     extra = field.json_schema_extra
     return extra.get(argument) if isinstance(extra, dict) else None
 
@@ -160,14 +160,14 @@ def table_to_paste(case: type[Table], name: str) -> str:
 
 
 def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> Iterator[str]:
-    """Yield the text of a table: one block for each kind of the table, then the blocks of all tables inside the table.
+    """Yield the text of a table: one block for each kind of the table, followed by the blocks of the tables inside it.
 
     Parameters
     ----------
     name : dotted key of the table.
     field : declaration of the key `name`.
-    written : list of table classes that have already been written under another key. The optional keys of a class in
-        the list are not written again. The function adds the classes of the table to `written`.
+    written : table classes that have already been written under another key. Their optional keys are not written again.
+        The function adds the classes of the table to `written`.
     """
     tables = tables_in(field)  # one class for each kind
     # keys and meanings in the blocks of earlier kinds
@@ -200,12 +200,13 @@ def _table_blocks(name: str, field: FieldInfo, written: list[type[Table]]) -> It
 def _is_active_block(field: FieldInfo, number: int) -> bool:
     """Return whether a block of a table is written without comment signs.
 
-    A block is active if it describes the first kind of a required table, or a table of a single kind with active keys.
+    A block is active if it describes the first kind of a required table. If the table has only one kind, its block is
+    also active if any of its keys is active.
 
     Parameters
     ----------
     field : declaration of the key of the table.
-    number : number of the kind that the block describes, from 0.
+    number : index of the kind that the block describes, counted from 0.
     """
     tables = tables_in(field)  # one class for each kind
     is_first_of_required = number == 0 and field.is_required()

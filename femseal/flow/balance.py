@@ -40,7 +40,7 @@ def balance(tail, head, conductance, flux, nodes):
 
     Parameters
     ----------
-    tail, head : arrays (links,), node at which each link begins and node at which it ends.
+    tail, head : arrays (links,), start node and end node of each link.
     conductance : array (links,), conductance of each link. Fluxes in links with the conductance 0 are not changed.
     flux : array (links,), flux from tail to head. The flux must be 0 in links with the conductance 0.
     nodes : number of nodes. Each node with a flux must be connected to node 0 by links with a conductance > 0.
@@ -120,7 +120,7 @@ def spanning_tree(tail, head, exponent, nodes):
 def _widest_first(exponent):
     """Return the numbers of the open links in the order of falling binary exponents of the conductance.
 
-    A counting sort by exponents takes a tenth of the time that a sort by conductances takes.
+    A counting sort by exponent takes a tenth of the time of a sort by conductance.
     """
     # Slot 0 belongs to the largest exponent. At first, position[slot + 1] is the number of links in a slot. After the
     # cumulative sum, position[slot] is the position in the sorted list for the next link of a slot.

@@ -183,7 +183,7 @@ class CellFlow:
 
     Attributes
     ----------
-    factor : ratio of the permeability [m³] of the whole cell to the conductance of `flow`.
+    factor : permeability [m³] of the whole cell divided by the conductance of `flow`.
     flow : flow through the whole cell, with the pressures at the inlet, at the pixel centres and at the outlet.
     core_ratio : ratio of the permeability of the core to the permeability of the whole cell; 1 without overlaps.
     """
@@ -214,8 +214,9 @@ def cell_flow(
     Parameters
     ----------
     gap, spacing, axis, sides, solver, rtol, field_rtol : as in `cell_permeability`.
-    core : range (first, last + 1) of the columns of the cell itself, without its overlaps into neighbouring cells;
-        columns are counted perpendicular to the flow. `core` is None if the cell has no overlaps. See `flow.core_flux`.
+    core : range (first, last + 1) of the columns that belong to the cell itself and not to its overlaps into
+        neighbouring cells. Columns are counted perpendicular to the flow. `core` is None if the cell has no overlaps.
+        See `flow.core_flux`.
 
     Returns
     -------

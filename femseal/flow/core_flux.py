@@ -1,8 +1,8 @@
 """Compute the flux in the core of a cell, that is, in the cell without its overlaps into neighbouring cells.
 
 A cell is solved together with its overlaps (oversampling), so that fluid can leave the core through the sides and come
-back. Only the flux inside the core counts for the permeability. For a uniform gap and for parallel grooves, the
-permeability with overlaps is equal to the permeability without overlaps.
+back. Only the flux inside the core counts for the permeability. For a uniform gap and for parallel grooves, overlaps do
+not change the permeability.
 Source: Hou & Wu, J. Comput. Phys. 134, 1997, 169.
 """
 
@@ -20,7 +20,7 @@ _LEAST_SHARE = 1e-9
 
 @compiled()
 def _core_flux(along, φ, ψ, first, end):
-    """Compute the share of the columns `first` to `end` − 1 in the mean flux through a cell.
+    """Compute the fraction of the mean flux through a cell that passes through the columns `first` to `end` − 1.
 
     The mean flux is proportional to Σ q l, the sum of flux q times length l over all links along the flow. Links to the
     inlet or the outlet are half as long as links between two pixels.

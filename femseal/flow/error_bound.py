@@ -46,8 +46,8 @@ def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
 def potential_drop(φ, ψ, i, j, a, b):
     """Return the potential drop from node (i, j) to node (a, b).
 
-    The drop is computed from the potential φ or from the complement ψ = 1 − φ, whichever is smaller at the two nodes,
-    because smaller values have smaller rounding errors. NaN counts as 0.
+    The drop is computed from the potential φ or from the complement ψ = 1 − φ. The smaller of the two is used, because
+    its rounding errors are smaller. NaN counts as 0.
     """
     here, there = φ[i, j], φ[a, b]
     here, there = 0.0 if np.isnan(here) else here, 0.0 if np.isnan(there) else there
@@ -151,10 +151,10 @@ def _runs(along, across):
 def _joints(along, across, run):
     """Find the joints: the links through which the spanning tree may connect two runs.
 
-    The joint of two runs in adjacent rows is the link with the largest conductance between the two runs. The joint of
-    two adjacent runs in the same row is the narrow link that separates the two runs. Run 0 represents the inlet and the
-    outlet. For an array `along` of the shape (n1, n2), link (i, j) of `along` has the number i n2 + j, and link (i, j)
-    of `across` has the number n1 n2 + i n2 + j.
+    The joint of two runs in adjacent rows is the link with the largest conductance between the two runs. Two adjacent
+    runs in the same row are joined by the narrow link that separates them. Run 0 represents the inlet and the outlet.
+    For an array `along` of the shape (n1, n2), link (i, j) of `along` has the number i n2 + j, and link (i, j) of
+    `across` has the number n1 n2 + i n2 + j.
 
     Returns
     -------

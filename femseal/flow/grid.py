@@ -12,10 +12,10 @@ two ends of the link. A link is therefore open if and only if the pixels at its 
 of a link tends to 0, the interpolated gap of the link tends to 0 as well. Pixels with a vanishing gap therefore stop
 the flow.
 
-The interpolated gap may be far below the gaps at both ends of a link only if the gap is strongly curved at both ends.
-If the second differences of the gap at the two ends are very different, the larger second difference is reduced to at
-most four times the smaller one. A link is therefore hardly narrowed by a jump of the gap between one end of the link
-and the next pixel.
+The interpolated gap falls far below the gaps at both ends of a link only if the gap is strongly curved at both ends. If
+the second differences of the gap at the two ends are very different, the larger second difference is reduced to at most
+four times the smaller one. A jump of the gap between one end of a link and the next pixel therefore hardly narrows the
+link.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class AxisLinks(NamedTuple):
     """All links of a network along one axis.
 
     conductance : array, conductance of each link.
-    start, end : arrays in the shape of `conductance`, number of the node at which each link begins and number of the
-        node at which it ends. The node in row i and column j has the number i n2 + j.
+    start, end : arrays in the shape of `conductance`, numbers of the start node and of the end node of each link. The
+        node in row i and column j has the number i n2 + j.
     step : row and column of the node at the end of a link, relative to the node at its start.
     """
 

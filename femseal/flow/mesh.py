@@ -82,10 +82,9 @@ def darcy_conductance(
     ----------
     mesh : scikit-fem MeshTri1 or MeshQuad1 with n elements, or a periodic MeshQuad1DG of rectangles.
     permeability : permeability K >= 0 in any unit: a number, one number per element (n,), principal values along x and
-        y (n, 2), or symmetric tensors (n, 2, 2). Elements with K = 0 are closed. A tensor may have one principal value
-        that is 0: an element with such a tensor only carries flow across facets that are not parallel to its open
-        principal axis. Before the solution, a principal value of 0 is replaced by 1e-10 times the other principal
-        value.
+        y (n, 2), or symmetric tensors (n, 2, 2). Elements with K = 0 are closed. One principal value of a tensor may be
+        0. An element with such a tensor carries flow only across facets that are not parallel to its open principal
+        axis. Before the solution, a principal value of 0 is replaced by 1e-10 times the other principal value.
     inlet, outlet : indices of boundary facets. Inlet and outlet must not have a vertex in common.
     bounds, solver : as in `MeshOperators.flow`.
 
@@ -478,8 +477,8 @@ def _imbalance(rates: Array, energy: float) -> float:
 
     Raises
     ------
-    NotConverged : the imbalance is too large. A large imbalance occurs if the whole flow passes through very narrow
-        links, whose conductances are lost by rounding when they are added to much larger conductances.
+    NotConverged : the imbalance is too large. This happens if the whole flow passes through very narrow links, because
+        their conductances are lost by rounding when they are added to much larger ones.
     """
     inflow, total = float(rates[0]), float(rates.sum())
     largest = max(float(np.maximum(rates, 0.0).sum()), energy)

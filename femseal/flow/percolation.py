@@ -199,9 +199,9 @@ def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0)
 def _restrict(begin, end, along, across, keep, first, second):
     """Close the links of all nodes that are not marked in `keep`, and scale the conductances of the open links.
 
-    begin, end : only the rows `begin` to `end` − 1 of links are changed.
+    begin, end : only links in the rows `begin` to `end` − 1 are changed.
     keep : flags (n1 + 1, n2) of the nodes whose links remain open.
-    first, second : the conductances of open links are multiplied by `first`, and then by `second`.
+    first, second : factors by which the conductances of open links are multiplied, one after the other.
     """
     n2, m2 = along.shape[1], across.shape[1]
     for i in range(begin, end):

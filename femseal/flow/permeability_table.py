@@ -8,8 +8,8 @@ faces may open from one pressure to the next.
 
 The polynomial was tested for the flow of helium through rough gaps of 10 nm to 10 µm. The error of the flow is at most
 0.1 % if the polynomial has six Chebyshev points over three decades of pressure, or four points over one decade. Between
-parallel plates, the error is at most 0.5 %: the small jumps of Q(D) (see `flow.law.flow_rate`) have a larger effect if
-the gap is the same everywhere.
+parallel plates, the error is at most 0.5 %. It is larger because the small jumps of Q(D) (see `flow.law.flow_rate`) are
+not averaged over different gaps.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ def table_pressures(inlet: float, outlet: float) -> Array:
     """Choose the pressures [Pa] at which the permeability for a gas is computed, from the highest to the lowest.
 
     The pressures are the Chebyshev extrema in ln p between the inlet pressure and the outlet pressure. Four pressures
-    are chosen if inlet and outlet pressure differ by a factor of up to 12; six pressures if the factor is larger.
-    Pressures below 1e-3 of the highest pressure are not tabulated.
+    are chosen if the inlet and outlet pressures differ by a factor of at most 12, and six otherwise. Pressures below
+    1e-3 of the highest pressure are not tabulated.
     """
     high = max(inlet, outlet)
     low = max(min(inlet, outlet), _LEAST_FRACTION * high)

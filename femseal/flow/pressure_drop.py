@@ -35,7 +35,7 @@ _LEAST_GAP = 1e-12
 
 
 class FlowingFluid(Protocol):
-    """Properties of a fluid that determine the flow of the fluid through gaps.
+    """Properties of a fluid that determine its flow through gaps.
 
     The flow depends on the pressure potential and on the flow law of the fluid. A fluid without the attribute `law`
     follows the cubic law.
@@ -90,7 +90,7 @@ def pressure_between(
 class PressureDrop:
     """Pressure drop of a fluid between inlet and outlet, described by the potential ψ of a reference gap.
 
-    A pressure between outlet and inlet is described by its fraction of the drop of ψ, which is 0 at the outlet and 1 at
+    A pressure p is given as the fraction (ψ(p) − ψ(outlet))/(ψ(inlet) − ψ(outlet)), which is 0 at the outlet and 1 at
     the inlet. If the flow law does not depend on the pressure, ψ is the viscous potential φ.
 
     Attributes
@@ -154,7 +154,7 @@ class PressureDrop:
 
         Returns
         -------
-        Solution that the last call of `solve` returned, and pressure drop with the reference gap of the face. The
+        Solution returned by the last call of `solve`, and pressure drop with the reference gap of the face. The
         potential in the solution is a fraction of the drop of ψ. To get the permeability of the face, multiply the
         permeability in the solution by the `mean_factor` of the returned pressure drop.
 
@@ -270,7 +270,7 @@ class PressureDrop:
     def steepness(self, first: Array, second: Array) -> Array:
         """Compute Δψ/Δφ between two pressures, or dψ/dφ where the two pressures are equal.
 
-        first, second : first pressure and second pressure, each described by its fraction of the drop of ψ.
+        first, second : the two pressures, each given as a fraction of the drop of ψ (0 at the outlet, 1 at the inlet).
         """
         drop = first - second
         viscous_drop = self.viscous_fraction(first) - self.viscous_fraction(second)

@@ -10,7 +10,7 @@ and the first column. The pressure drop over a link of the seam is p(x1, L2) −
 the pressure p(x1, 0) over the rows x1 of a groove. P₊ is the mean of the pressure p(x1, 0) over the rows of the next
 groove, which lies one lead further along x1. With this pressure drop over the seam, the matrix remains symmetric. The
 fraction w of the flux that leaves a groove over the seam enters the next groove. If the lands between the grooves are
-closed, the permeability of the face along x1 is k22 tan²α, with tan α = lead/C and the permeability k22 along x2.
+closed, the permeability of the face along x1 is k22 tan²α, where tan α = lead/C and k22 is the permeability along x2.
 Grooves begin at the inlet and end at the outlet.
 
 Source: Geoffroy & Prat, J. Fluids Eng. 126, 2004, 48.
@@ -83,7 +83,7 @@ class Spiral:
         """Compute the lead in pixels, and the fraction w of a turn that a face covers.
 
         The lead is rounded to a whole number of pixels, at least 1. If the face covers less than a turn, w is
-        multiplied by the ratio of the exact lead to the rounded lead, so that the slope of the grooves remains exact.
+        multiplied by the ratio of the exact lead to the rounded lead, which preserves the slope of the grooves.
 
         shape : numbers of pixels of the face along x1 and x2.
         spacing : lengths of a pixel along x1 and x2 [m].
@@ -265,7 +265,7 @@ def _links_of_partial_turn(
 def _grooves(conductance: Array, shift: int) -> list[Indices]:
     """Group adjacent rows with an open link over the seam into grooves.
 
-    A group with more than `shift` rows, which is longer than the lead, is divided into several grooves.
+    A group of more than `shift` rows is longer than the lead, and is divided into several grooves.
     """
     open_rows = np.flatnonzero(conductance > 0)
     is_gap_after = np.diff(open_rows) > 1  # whether closed rows follow an open row
@@ -279,12 +279,12 @@ def _grooves(conductance: Array, shift: int) -> list[Indices]:
 
 
 def _drop_to_next_groove(rows: Indices, conductance: Array, label: Indices, shift: int) -> Array:
-    """Compute the factors f_i of the pressure drop P − P₊ = Σ f_i p_i from a groove to the next groove.
+    """Compute the factors f_i that give the pressure drop from a groove to the next one, P − P₊ = Σ f_i p_i.
 
     P and P₊ are means over all rows of a groove, because fluid would circulate between the rows if each row had its own
-    pressure drop. The next groove lies one lead further along x1. If the rows with an open link over the seam belong to
-    several connected components, the component with the largest conductance is the next groove. If all links over the
-    seam are closed one lead further along x1, the groove does not continue, and all factors are 0.
+    pressure drop. The next groove lies one lead further along x1. If the open links over the seam belong to several
+    connected components there, the component with the largest conductance is taken. If there is no open link over the
+    seam, the groove does not continue, and all factors are 0.
 
     Parameters
     ----------
@@ -295,8 +295,8 @@ def _drop_to_next_groove(rows: Indices, conductance: Array, label: Indices, shif
 
     Returns
     -------
-    Array (n1 + 1,), factors of the pressures in the n1 rows of the first column, and factor of the pressure at the
-    outlet.
+    Array (n1 + 1,): the factors of the pressures in the n1 rows of the first column, followed by the factor of the
+    outlet pressure.
     """
     n1 = conductance.size
     factors = np.zeros(n1 + 1)

@@ -41,7 +41,8 @@ class _PeriodicLinks(NamedTuple):
     """Open links of a doubly periodic network.
 
     start, end : arrays (links,), number of the first node and number of the second node of each link.
-    crossings : array (links, 2), how often each link crosses the periodic boundary of each axis, from `start` to `end`.
+    crossings : array (links, 2), how often each link, followed from `start` to `end`, crosses the periodic boundary of
+        each axis.
     """
 
     start: Indices

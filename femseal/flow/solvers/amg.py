@@ -2,9 +2,9 @@
 
 Ruge–Stüben multigrid is the preconditioner. The interpolation of Ruge–Stüben multigrid preserves constants if the rows
 of the matrix sum to zero. The matrix is therefore not scaled to unit diagonal: the rows of the scaled matrix would not
-sum to zero, and with strongly varying permeabilities the iteration would take ten times as long or diverge. To preserve
-constants, the coarsening also has a second pass. Some finite elements have positive off-diagonal entries; only negative
-off-diagonal entries count as strong couplings.
+sum to zero, and with strongly varying permeabilities the iteration would take ten times as long or diverge. The
+coarsening has a second pass, which is also needed to preserve constants. Some finite elements have positive
+off-diagonal entries; only negative off-diagonal entries count as strong couplings.
 
 Sources: Ruge & Stüben, in McCormick (ed.), Multigrid Methods, SIAM 1987, ch. 4; Bell, Olson, Schroder & Southworth,
 J. Open Source Softw. 8, 2023, 5495 (pyamg).

@@ -83,8 +83,8 @@ def solve_flow(
         For elongated pixels, with one side more than 3.5 times as long as the other side, multigrid is slow and may
         miss a part of the error. Networks with elongated pixels are solved by elimination if they have up to 5 million
         open nodes. If a network with elongated pixels has more open nodes, the error of multigrid is bounded
-        rigorously. Nodes that are connected to the inlet and the outlet only by paths with very narrow links (less than
-        1e-8 of the largest conductance) are solved by elimination after multigrid.
+        rigorously. Some nodes are connected to the inlet and the outlet only by paths with very narrow links (less than
+        1e-8 of the largest conductance). After multigrid, their potentials are computed by elimination.
     field_rtol : largest relative error of the potential in the energy norm; None if only the conductance is needed. The
         relative error of the conductance is the square of the relative error of the potential. If `field_rtol` is None,
         an iterative solver therefore leaves an error of about √rtol in the potential.
@@ -97,9 +97,8 @@ def solve_flow(
     ------
     InputError : the solver is unknown, or a tolerance is not valid.
     NotConverged : the solver failed, or the relative difference between inflow and outflow is larger than 1e-5. After
-        multigrid, a relative difference of 10 √rtol between inflow and outflow is accepted, or of 10 field_rtol if
-        `field_rtol` is given. "multigrid" also fails if links with less than 1e-13 of the largest conductance might
-        carry more than `rtol` of the flow.
+        multigrid, the limit is 10 √rtol instead, or 10 field_rtol if `field_rtol` is given. "multigrid" also fails if
+        links with less than 1e-13 of the largest conductance might carry more than `rtol` of the flow.
     """
     check_solver(solver, ("auto", *FAST_SOLVERS))
     validate.tolerance("rtol", rtol)
@@ -187,9 +186,9 @@ def _suits_multigrid(stencil: Stencil, nodes: int) -> bool:
 
 @compiled()
 def _roughness(along, step):
-    """Compute the mean difference of ln c of neighbouring links in every `step`-th row.
+    """Compute the mean difference of ln c between neighbouring links in every `step`-th row.
 
-    A pair of neighbouring links of which only one is open counts as a difference of `_CLOSED`.
+    If only one of two neighbouring links is open, their difference counts as `_CLOSED`.
     """
     total, pairs = 0.0, 1  # one additional pair avoids a division by 0
     for i in range(0, along.shape[0], step):
@@ -245,10 +244,10 @@ def _solve_by_multigrid(
 ) -> DarcyFlow:
     """Solve the flow by multigrid, and then by elimination at isolated nodes, see `_isolated_nodes`.
 
-    Multigrid leaves out very narrow links, whose conductances are lost by rounding in sums of conductances. The flow
-    through the network without the very narrow links is a lower bound of the flow (Rayleigh's principle). The energy of
-    any potential in the complete network is an upper bound of the flow (Dirichlet's principle). The error of the flow
-    is at most the difference between the lower bound and the upper bound.
+    Multigrid leaves out very narrow links, because their conductances would be lost by rounding when they are added to
+    larger ones. The flow through the network without these links is a lower bound of the flow (Rayleigh's principle).
+    The energy of any potential in the complete network is an upper bound of the flow (Dirichlet's principle). The error
+    of the flow is at most the difference between the lower bound and the upper bound.
 
     limit : largest number of iterations.
     bounded_from : number of iterations after which the error is bounded rigorously, see `solve_multigrid`.

@@ -3,8 +3,9 @@
 If the permeabilities differ by a factor of 10^n, a factorisation loses about n digits: small conductances between
 regions of large conductance are lost in the sums on the diagonal. For a flow between boundaries with prescribed
 potentials, conjugate gradients correct the solution. The residuals are computed from differences of the potential. The
-potential is stored as a rounded value plus a remainder, which doubles its number of digits. Tests compare with closed
-forms and with eliminations in 60 digits, for permeabilities that differ by up to 1e20.
+potential is stored as a rounded value plus a remainder, which doubles its number of digits. Tests compare the solutions
+with closed forms and with eliminations in 60-digit arithmetic, for permeabilities that differ by a factor of up to
+1e20.
 
 Sources: Higham, Accuracy and Stability of Numerical Algorithms, 2nd ed., SIAM 2002, ch. 12 (iterative refinement);
 Knuth, The Art of Computer Programming 2, 3rd ed., 1997, sec. 4.2.2 (exact sums).
@@ -105,8 +106,8 @@ def solve_direct(
     matrix : sparse matrix A (n, n), symmetric and positive definite.
     rhs : right-hand side b, array (n,). If `ends` is None, arrays (n, m) are also possible.
     largest_residual : largest accepted value of ‖b − Ax‖/‖b‖ for the scaled system.
-    ends : boundaries with prescribed potentials, if the system describes a flow between boundaries. If `ends` is given,
-        b must be `ends.potentials @ ends.conductances`, and the solution is corrected to full accuracy, even if the
+    ends : boundaries with prescribed potentials, if the system describes a flow between boundaries. For such a system,
+        b must be `ends.potentials @ ends.conductances`. Its solution is corrected to full accuracy, even if the
         permeabilities differ by orders of magnitude.
 
     Raises

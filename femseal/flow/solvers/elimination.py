@@ -126,7 +126,7 @@ def _nested_dissection(unknown, ring):
 
     Each box of the grid is divided into two halves by a front, which consists of the nodes of one row or column: the
     row or column near the middle of the box that has the fewest nodes. The two halves are only connected through
-    the front, which is eliminated after all nodes of the two halves. The links that the elimination of a front creates
+    the front, which is eliminated after all nodes of the two halves. The elimination of a front creates new links. They
     are added to the parent of the front, which is the front of the next larger box.
 
     Returns
@@ -354,9 +354,9 @@ def _eliminate_front(front, fill_in, inverse):
 def _potentials(first, rows, borders, inverse):
     """Compute the potential v, which is 1 at the inlet and 0 at the outlet, and the potential w = 1 − v.
 
-    The nodes are visited in reverse order of elimination. The potential of a node is a mean of the potentials of the
-    later nodes to which it was linked at the time of its elimination, weighted with the conductances of the links. w is
-    computed in the same way as v, and not as the difference 1 − v, so that small values are accurate.
+    The nodes are visited in reverse order of elimination. When a node was eliminated, it was linked to later nodes. Its
+    potential is the mean of the potentials of these nodes, weighted with the conductances of the links. w is computed
+    in the same way as v, and not as the difference 1 − v, so that small values are accurate.
 
     first : position of the first node of each front.
     rows : array `front` of each front after the elimination.

@@ -54,9 +54,8 @@ class Level(NamedTuple):
     b : right-hand side of a cycle.
     x : approximate solution during a cycle.
     r : residual during a cycle, and solution at the end of the cycle.
-    weights : array (coarse rows, coarse columns, 3, 3), interpolation weights of each node of the next coarser level:
-        the value of the coarse node contributes to the fine node at the same position, and to the eight fine nodes
-        around it.
+    weights : array (coarse rows, coarse columns, 3, 3), interpolation weights of each node of the next coarser level.
+        The value of a coarse node contributes to the fine node at the same position and to its eight neighbours.
     """
 
     links: tuple[Singles, Singles, Singles, Singles]
@@ -461,9 +460,8 @@ def coarser_shape(n1, n2):
 def _store_operator(first, end, inverse, links, operator):
     """Store some rows of an operator in the arrays of a level, in single precision.
 
-    The Galerkin product may contain negative conductances, with which a Jacobi sweep might diverge. Negative
-    conductances are replaced by 0, and the diagonal is increased by the same amount, so that the sum of each row does
-    not change.
+    The Galerkin product may contain negative conductances, which could make a Jacobi sweep diverge. They are replaced
+    by 0, and the diagonal is increased by the same amount, so that the sum of each row does not change.
     """
     centre, right, below, below_right, below_left = operator
     to_right, to_below, to_below_right, to_below_left = links

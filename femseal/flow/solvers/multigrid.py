@@ -96,7 +96,7 @@ def solve_multigrid(
         nodes.
     field_rtol : largest relative error of φ in the energy norm; None if only the flow rate has to be accurate. If
         `field_rtol` is given, the correction M⁻¹r must also be smaller than 10 `field_rtol` at each node that is not
-        ignored, where M⁻¹ is the multigrid cycle and r the residual.
+        ignored. M⁻¹r is the result of one multigrid cycle for the residual r.
     bounded_from : number of iterations after which the error is bounded rigorously.
 
     Raises
@@ -109,8 +109,8 @@ def solve_multigrid(
     eᵀAe ≤ rᵀM⁻¹r/θ, where θ is the smallest eigenvalue of M⁻¹A. θ is estimated from the coefficients of the iteration
     (Lanczos). After few iterations, the estimate of θ is reduced to allow for error components that have not appeared
     yet. After `bounded_from` iterations, the error is not estimated but bounded rigorously, and the iteration continues
-    if the bound is too large. The inflow and the outflow have errors proportional to e, not to e²; their relative
-    difference must be at most 3 √rtol.
+    if the bound is too large. The inflow and the outflow may differ by a fraction of at most 3 √rtol, because their
+    errors are proportional to e and not to e².
     Sources: Strakoš & Tichý, ETNA 13, 2002, 56; Meurant, Papež & Tichý, Numer. Algorithms 88, 2021, 1337.
     """
     field = np.inf if field_rtol is None else field_rtol
@@ -223,13 +223,14 @@ _iterate_in_one_thread = compiled(**REORDERED)(_iterate)
 
 @leader(**REORDERED)
 def _judge(iteration, state, history, share, settings):
-    """Estimate the error in the energy norm, and decide whether the iteration has converged or has to be given up.
+    """Estimate the error in the energy norm, and decide whether the iteration has converged or should be abandoned.
 
     state : tuple of rᵀM⁻¹r, the largest correction at a node, the difference between inflow and outflow, and the flow
         rate.
     history : array (3, limit + 1), in each column the values of an iteration: rᵀM⁻¹r, the step length, and the ratio β
         of the conjugate gradients. The function stores rᵀM⁻¹r of the current iteration in row 0 of `history`.
-    share : fraction of the tolerance at which the iteration stops, if the error is bounded afterwards.
+    share : if a rigorous error bound is computed afterwards, the iteration stops when the estimated error falls below
+        this fraction of the tolerance.
 
     Returns the estimated error, whether the iteration has converged, and whether it has to be given up because it would
     need more than `limit` iterations.
@@ -331,8 +332,8 @@ def _residual_or_sweep(first, end, r, level, after_first_sweep, ring):
     Let s = b + Σ c x be the sum over the neighbours of a node, where c is the conductance of the link to a neighbour.
     Let a be the diagonal entry, and ω the damping factor. The function writes one of two results to r:
 
-    - with `after_first_sweep`, the residual s − a x, which is s − ω b, because the first sweep has set x = ω b/a;
-    - without `after_first_sweep`, the value x + ω (s/a − x) after the second sweep.
+    - if `after_first_sweep` is set, the residual s − a x, which equals s − ω b after the first sweep (x = ω b/a);
+    - otherwise, x + ω (s/a − x), which is the result of the second sweep.
     """
     right, below, below_right, below_left = level.links
     x = level.x
@@ -415,8 +416,7 @@ def _apply_to_row(network, p, i, flow_to_right, y):
 
     The arrays p and y have a border of one node on each side; the conductances have no border. At the inlet and at the
     outlet, the border of p is 0. The work array `flow_to_right` contains the flow from each node of the row to the next
-    node. Separate loops over few arrays compile to vector instructions, and take a third of the time that a single loop
-    takes.
+    node. Separate loops over few arrays compile to vector instructions, and take a third of the time of a single loop.
     """
     along, across, ring = network
     n2 = along.shape[1]
@@ -468,7 +468,7 @@ def _update_solution(first, end, x, fields, network, steps, sums):
     A p, which `_sum_curvature` has already computed, is computed again, because storing A p would need much memory.
 
     fields : tuple of the residual r, the right-hand side b of the next cycle, and the search direction p.
-    steps : tuple of the step length, and the number `scale` by which r is divided to obtain b.
+    steps : tuple (step length, `scale`). The right-hand side b is r divided by `scale`.
     """
     r, b, p = fields
     step, scale = steps
@@ -519,8 +519,8 @@ def _set_initial_potential(first, end, x, r, b, along, potential, inverse):
     The initial potential is constant along each row. Of all potentials that are constant along each row, the initial
     potential has the lowest energy.
 
-    potential : tuple of two arrays: the drop of the initial potential from each row of nodes to the next row, and the
-        initial potential of each row.
+    potential : tuple (row_drop, row_potential): the drop of the initial potential from each row of nodes to the next,
+        and the initial potential of each row.
     """
     row_drop, row_potential = potential
     n2 = along.shape[1]
