@@ -174,9 +174,9 @@ def named_fluid(
 
 
 def _plain_name(name: object) -> str:
-    """Simplify the name of a fluid, so that different spellings of a name become equal.
+    """Normalise the name of a fluid, so that different spellings compare equal.
 
-    The simplified name contains no capital letters, spaces, hyphens and underscores, and "sulf" in place of "sulph".
+    The result is in lower case without spaces, hyphens or underscores, and "sulph" becomes "sulf".
     """
     plain = str(name).casefold().translate(str.maketrans("", "", " -_"))
     return plain.replace("sulph", "sulf")
@@ -229,7 +229,7 @@ def _name_in_coolprop(name: object) -> str | None:
 
 @cache
 def _names_in_coolprop() -> dict[str, str]:
-    """Return the main name in CoolProp for every name that a fluid can have, simplified by `_plain_name`."""
+    """Map every known name of a fluid, normalised by `_plain_name`, to its main name in CoolProp."""
     from CoolProp import CoolProp
 
     names = {}
@@ -286,7 +286,7 @@ class DenseGasSlip(FukuiKaneko):
 
 
 def temperature_of_gas(**more: Any) -> Any:
-    """Return the declaration of the field `temperature` of a gas class; `more` goes to `base.validate.parameter`."""
+    """Return the declaration of the field `temperature` of a gas class; `more` is passed on to `parameter`."""
     allowed = "a temperature above absolute zero, such as '20 °C'"
     return parameter("K", allowed, "temperature of the gas", usual=(2.0, 2000.0), **more)
 
@@ -325,9 +325,9 @@ class Gas:
 class RealGas(Gas):
     """Describe an isothermal real gas by its name, with density and viscosity from CoolProp.
 
-    The potential φ = ∫ρ/η dp has a relative error of at most 1e-6. A volume flow rate is given as the volume flow rate
-    of an ideal gas with the mass flow rate and the molar mass of the real gas, at 101 325 Pa and the temperature of the
-    gas. By this convention, volume flow rates and throughputs are proportional to the number of molecules. CoolProp is
+    The potential φ = ∫ρ/η dp has a relative error of at most 1e-6. Volume flow rates are ideal-gas equivalents: the
+    volume flow of an ideal gas of the same molar mass and mass flow rate, at 101 325 Pa and the temperature of the gas.
+    By this convention, volume flow rates and throughputs are proportional to the number of molecules. CoolProp is
     required (`pip install 'femseal[fluids]'`).
 
     Parameters
@@ -470,7 +470,7 @@ class _Table(NamedTuple):
 
     Attributes
     ----------
-    pressures : pressures of the points of the table in rising order [Pa], beginning with 0.
+    pressures : pressures in the table [Pa], in increasing order from 0.
     potential : spline of the potential φ(p) [kg/(m³ s)].
     slope : spline of dφ/dp = ρ/η [s/m²].
     saturates : whether the gas condenses at the last pressure of the table.
@@ -518,8 +518,8 @@ def _table(name: str, temperature: float) -> _Table:
     """Tabulate the potential of a gas at a temperature [K].
 
     A cubic spline interpolates the slope dφ/dp = ρ/η. The integral of this spline is the potential φ. At the midpoint
-    between two neighbouring pressures of the table, the interpolated slope is compared with the exact slope. Midpoints
-    with too large an error are added to the table until the error is small enough.
+    between two neighbouring pressures of the table, the interpolated slope is compared with the exact slope. Where the
+    error is too large, the midpoint is added to the table. This is repeated until all errors are small enough.
     """
     from scipy.interpolate import CubicSpline
 
@@ -596,9 +596,9 @@ class IdealGasError:
 def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
     """Compute the leakage with an ideal gas, divided by the leakage with the corresponding real gas.
 
-    The real gas is the gas in CoolProp with the molar mass of the ideal gas. Among several gases with this molar mass,
-    the gas with the viscosity closest to the viscosity of the ideal gas is chosen. If CoolProp does not know the
-    viscosity of the gas with the closest molar mass, the ratio of the leakages is unknown.
+    The real gas is the gas in CoolProp with the molar mass of the ideal gas. If several gases have this molar mass, the
+    one with the closest viscosity is chosen. If CoolProp has no viscosity for the gas with the closest molar mass, the
+    ratio of the leakages is unknown.
 
     Parameters
     ----------
@@ -644,11 +644,11 @@ def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
 
 
 def is_nearly_ideal(gas: Any) -> bool:
-    """Return whether the real gas with the molar mass of an ideal gas behaves nearly like the ideal gas.
+    """Return whether the real gas that an ideal gas stands for behaves almost ideally.
 
-    A gas is called nearly ideal if its molar mass is the molar mass of a gas in `TABLE`, and its temperature is above
-    the critical temperatures of the gases in `TABLE`. The leakage of a nearly ideal gas at up to 20 bar deviates from
-    the leakage of the ideal gas by at most 2 %.
+    A gas counts as nearly ideal if its molar mass matches that of a gas in `TABLE` and its temperature is above the
+    critical temperatures of all gases in `TABLE`. Up to 20 bar, the leakage of such a gas is within 2 % of the
+    ideal-gas leakage.
     """
     masses = [fluid.parameters.get("molar_mass", 0.0) for fluid in TABLE.values()]
     is_in_table = any(abs(gas.molar_mass - mass) <= _SAME_MASS * mass for mass in masses)
@@ -656,10 +656,10 @@ def is_nearly_ideal(gas: Any) -> bool:
 
 
 def _recognise_gas(gas: Any) -> str:
-    """Return the name of the real gas with the molar mass and the viscosity of an ideal gas, "" if there is none.
+    """Return the name of the real gas whose molar mass and viscosity match an ideal gas, "" if there is none.
 
-    Gases in `TABLE` are found by their molar mass alone. If no gas in `TABLE` has the molar mass, CoolProp is needed,
-    and an ImportError is raised if CoolProp is not installed.
+    Gases in `TABLE` are identified by their molar mass alone. If none of them matches, the fluids of CoolProp are
+    searched; an ImportError is raised if CoolProp is not installed.
     """
     for table_name, fluid in TABLE.items():
         mass = fluid.parameters.get("molar_mass", 0.0)
@@ -680,8 +680,7 @@ def _recognise_gas(gas: Any) -> str:
 def _mass_differences(gas: Any) -> dict[str, float]:
     """Find the fluids in CoolProp that have nearly the same molar mass as a gas.
 
-    Returns a dictionary: the keys are the names of the fluids, and the values are the relative differences between the
-    molar mass of a fluid and the molar mass of the gas.
+    Returns a dictionary that maps the name of each fluid to the relative difference of the two molar masses.
     """
     from CoolProp import CoolProp
 
@@ -695,7 +694,7 @@ def _mass_differences(gas: Any) -> dict[str, float]:
 
 
 def _closest_in_mass(gas: Any) -> str:
-    """Return the fluid in CoolProp with the molar mass closest to a given gas, "" if no molar mass is close enough."""
+    """Return the name of the CoolProp fluid closest to a gas in molar mass, "" if none is close enough."""
     differences = _mass_differences(gas)
     return min(differences, key=lambda name: differences[name], default="")
 

@@ -5,9 +5,8 @@ depends on its size, and the values of the parts are added in a fixed order.
 
 Compiled loops are cached on disk. Compiled loops release the global lock of the Python interpreter, so that several
 threads can run compiled loops at the same time. By default, Numba also compiles two entry points for each function: one
-for calls from C, and one for calls from Python. This module switches off the entry point for C everywhere, and the
-entry point for Python if only compiled code calls the function. Leaving out these entry points saves a twelfth of the
-compile time.
+for calls from C, and one for calls from Python. This module always omits the entry point for C. It also omits the one
+for Python if the function is only called from compiled code. This saves a twelfth of the compile time.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -51,7 +50,7 @@ def using_threads(threads: int) -> Iterator[None]:
 def parts(n: int, length: float) -> list[tuple[int, int]]:
     """Divide `n` items into consecutive parts of nearly equal size, each with about `length` items.
 
-    Returns a pair (first, end) for each part: the index of its first item, and the index of its last item plus 1.
+    Returns a pair of indices (first, end) for each part, which contains the items `first` to `end` − 1.
     """
     count = max(1, round(n / length))
     return [(n * i // count, n * (i + 1) // count) for i in range(count)]
@@ -135,7 +134,7 @@ def inner(**options: Any) -> Callable[[Any], Any]:
 
 
 def leader(**options: Any) -> Callable[[Any], Any]:
-    """Return a decorator for a function that calls compiled functions one after another, the steps of an algorithm.
+    """Return a decorator for a function that performs the steps of an algorithm by calling compiled functions in turn.
 
     If Python calls the decorated function, the interpreter executes it, and the compiled functions divide their work
     between threads. If compiled code calls the decorated function, Numba compiles it as a part of this code.
@@ -188,7 +187,7 @@ def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[An
     Parameters
     ----------
     merged : callable
-        Function that combines the list of the return values of all parts into one value, for example `summed`.
+        Function that reduces the list of the parts' return values to one value, for example `summed`.
     **options
         Further options of Numba.
     """
@@ -217,7 +216,7 @@ def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[An
 def summed(values: list[Any]) -> Any:
     """Add the return values of all parts.
 
-    A value is a number, or a tuple of numbers, which are added member by member. The sum of values that are None is
+    A value is a number or a tuple of numbers; tuples are added element by element. The sum of values that are None is
     None.
     """
     if isinstance(values[0], tuple):

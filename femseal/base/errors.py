@@ -51,8 +51,8 @@ class InputError(FemsealError, ValueError):
     expected : str
         Description of the values that are accepted.
     suggested : mapping, optional
-        Values that the text `expected` suggests for other arguments, by the names of these arguments. The text contains
-        each suggestion as "name=value".
+        Values that the text `expected` suggests for other arguments, by argument name. The text contains each of them
+        as "name=value".
 
     Examples
     --------
@@ -84,7 +84,7 @@ class InputError(FemsealError, ValueError):
         return InputError(f"{table}.{self.what}", self.given, self.expected, self.suggested)
 
     def with_keys(self, keys: Mapping[str, str]) -> InputError:
-        """Return a copy of the error in which keys of a case file replace the names of arguments.
+        """Return a copy of the error that names the keys of the case file instead of the arguments.
 
         The key of an argument replaces its name at the beginning of `what`, and in suggestions such as "shape=(4, 8)"
         in `expected`.

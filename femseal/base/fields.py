@@ -1,9 +1,9 @@
 """Declare the fields of results: name, unit, meaning, dimensions and column heading.
 
-Each field is declared once. The dataset, its netCDF file, files for ParaView, tables and pictures take the name and the
-unit of a field from its declaration. A class of results declares its stored fields with `declared`, and the fields that
-it computes from them in `computed_fields`. A field that is computed from several results is declared in the module that
-computes it.
+Each field is declared once. Its name and unit are taken from this declaration everywhere: in the dataset and its netCDF
+file, in files for ParaView, in tables and in pictures. A class of results declares its stored fields with `declared`,
+and the fields that it computes from them in `computed_fields`. A field that is computed from several results is
+declared in the module that computes it.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Field:
 
     @classmethod
     def from_variable(cls, variable: xarray.DataArray) -> Field:
-        """Make the declaration of a field from its variable in a dataset."""
+        """Reconstruct the declaration of a field from the attributes of a dataset variable."""
         attrs = variable.attrs
         return cls(
             name=str(variable.name),
@@ -104,7 +104,7 @@ class Field:
 
     @property
     def scale(self) -> float:
-        """Factor that converts a value in SI to the unit of pictures and of files for ParaView."""
+        """Factor from the SI unit to the unit used in pictures and ParaView files."""
         return READABLE.get(self.unit, ("", 1.0))[1]
 
     @property

@@ -59,8 +59,8 @@ def fixed_point(
     coefficient : callable
         Function that computes the coefficient from a state, for example permeabilities from fluid pressures.
     solve : callable
-        Function that solves the problem for a given coefficient. The function returns the rate, the state from which
-        the next coefficient is computed, and the solution.
+        Function that solves the problem for a given coefficient. It returns the rate, the state (from which the next
+        coefficient is computed) and the solution.
     state : array
         Initial state, NaN where the state is undefined.
     rtol : float

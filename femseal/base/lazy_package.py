@@ -31,7 +31,7 @@ def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
 
     @cache
     def sources() -> dict[str, str]:
-        """Return the relative name of the module that defines each name of the package, by this name."""
+        """Map each name of the package to the relative name of the module that defines it."""
         tree = ast.parse(module.__spec__.loader.get_source(package))  # type: ignore[union-attr]
         source_of = {info.name: f".{info.name}" for info in iter_modules(module.__path__)}
         for node in ast.walk(tree):

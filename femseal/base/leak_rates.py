@@ -55,7 +55,7 @@ class LeakBasis:
     molar_mass : float, optional
         Molar mass of a gas [kg/mol].
     given_temperature : float, optional
-        Temperature [K] to which leakages in units of pressure × volume refer. Default: the reference temperature.
+        Reference temperature [K] of leakages in units of pressure × volume. Default: the reference temperature.
     drop_volume, bubble_volume : float
         Volume of a drop and of a bubble [m³].
     pressure_drop : float, optional
@@ -107,7 +107,7 @@ class LeakBasis:
         return ""
 
     def has(self, unit: LeakUnit) -> bool:
-        """Return whether the leakage can be given in a unit."""
+        """Return whether the leakage can be expressed in a unit."""
         return not self.lacks(unit)
 
     def factor(self, unit: LeakUnit) -> float:
@@ -126,7 +126,7 @@ class LeakBasis:
         return unit.si / self._amount_per_volume(unit) / length
 
     def _amount_per_volume(self, unit: LeakUnit) -> float:
-        """Return the amount of fluid in 1 m³ at the reference state, measured in the quantity of a unit.
+        """Return how much fluid 1 m³ at the reference state contains, in terms of the quantity that a unit measures.
 
         Depending on the kind of `unit`, the amount is for example a mass [kg], a volume [m³] or a number of drops.
         """
@@ -279,8 +279,8 @@ class LeakClass:
         Parameters
         ----------
         basis : LeakBasis
-            Fluid and length of the seal. If the limit depends on the pressure drop or on the rated capacity, `basis`
-            must contain the pressure drop or the capacity as well.
+            Fluid and length of the seal. It must also contain the pressure drop or the rated capacity if the limit
+            depends on it.
         diameter : float, optional
             Nominal diameter of the valve, its seat or its stem [m], if the limit depends on it.
 

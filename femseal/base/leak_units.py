@@ -208,7 +208,7 @@ _BY_FACTORS: dict[_Factors, str] = {_factors(name): name for name in LEAK_UNITS}
 def leakage_unit(values: ArrayLike) -> tuple[float, str]:
     """Choose one readable unit for all given leakages per length of seal [m²/s].
 
-    In the chosen unit, the median of all leakages except zeros is a readable number.
+    The unit is chosen such that the median of all non-zero leakages is a readable number.
 
     Returns
     -------

@@ -64,8 +64,8 @@ def free_memory() -> float:
 def within_free_memory() -> Iterator[None]:
     """Raise MemoryError if the code inside a `with` block requests more memory than is free at its beginning.
 
-    Without a limit, Linux would kill a process that uses too much memory. The limit protects the reading of compressed
-    files, whose uncompressed size is unknown. On operating systems other than Linux, memory is not limited.
+    Without a limit, Linux would kill a process that uses too much memory. The limit matters when compressed files of
+    unknown uncompressed size are read. On operating systems other than Linux, memory is not limited.
     """
     if sys.platform != "linux":
         yield
@@ -225,7 +225,7 @@ def _version(name: str) -> str:
 
 @cache
 def numerical_versions() -> dict[str, str]:
-    """Return the versions of all packages that influence the last bits of the results, and the type of processor.
+    """Return what affects the last bits of the results: the versions of numerical packages and the processor type.
 
     The version of femseal includes a digest of its source code, so that edited code counts as another version.
     """

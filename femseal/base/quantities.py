@@ -168,7 +168,7 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
 
 
 def _expected_quantity(unit: str, like: str) -> str:
-    """Describe the expected kind of quantity with an example, for a message."""
+    """Describe which kind of quantity is expected, with an example, for an error message."""
     if not unit:
         return "a finite number"
     example = like or _EXAMPLES.get(unit, f"1 {unit}")

@@ -1,4 +1,4 @@
-"""Describe a stage of a study: a function, with a readable name, that is computed for many independent items."""
+"""Describe a stage of a study: a function that is evaluated for many independent items, with a readable name."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class Stage:
         Memory that one call of `function` needs [byte], or 0 if this memory is negligible. The memory limits the number
         of simultaneous calls.
     key : object
-        Object that, together with the items, identifies the results of this stage in the store. Default: the function.
+        Object that identifies the results of this stage in the store, together with the items. Default: the function.
 
     Examples
     --------

@@ -176,8 +176,7 @@ def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
 def _without_formula(value: Any) -> Any:
     """Return the content of a cell in a form that spreadsheet programs do not interpret as a formula.
 
-    A text that begins with a character such as "=", "@", "+" or "-" is preceded by an apostrophe, unless the text is a
-    number.
+    If a text begins with a character such as "=", "@", "+" or "-" and is not a number, an apostrophe is put in front.
 
     >>> _without_formula("=1+2"), _without_formula("-2 um"), _without_formula("-2.5"), _without_formula(-2.5)
     ("'=1+2", "'-2 um", '-2.5', -2.5)
@@ -201,7 +200,7 @@ def number_text(value: float, digits: int = 3, plain: range = _PLAIN_EXPONENTS) 
     digits : int
         Number of significant digits.
     plain : range
-        Numbers with these exponents of ten are written without a power of ten.
+        Exponents of ten for which a number is written in plain notation, without a power of ten.
 
     Examples
     --------
@@ -281,7 +280,7 @@ class Plotted:
 
 
 def display_package(name: str) -> ModuleType:
-    """Import and return a package of femseal that displays results: "plots", "results" or "report"."""
+    """Import and return one of femseal's display packages: "plots", "results" or "report"."""
     return displays[name]()
 
 
@@ -297,9 +296,9 @@ class Shown(Plotted):
     """Give result classes a short representation in the terminal and a table in notebooks.
 
     A result class is a frozen dataclass. The metadata of each field contain its `unit` and its `long_name`. Numbers are
-    displayed with their unit, arrays with their shape and range of values, and lists of load steps or failures with
-    their length. A field with `repr=False` appears in the table, but not in the short representation. The class
-    attribute `_derived` contains the names and units of properties that are displayed before the fields.
+    shown with their unit, and arrays with their shape and range. Lists of load steps or failures are shown by their
+    length. A field with `repr=False` appears in the table, but not in the short representation. The class attribute
+    `_derived` contains the names and units of properties that are displayed before the fields.
     """
 
     _derived: ClassVar[dict[str, str]] = {}

@@ -46,12 +46,12 @@ _Result = TypeVar("_Result")
 def removed_arguments(
     **advice: str,
 ) -> Callable[[Callable[_Parameters, _Result]], Callable[_Parameters, _Result]]:
-    """Return a decorator that raises an InputError with advice if the caller gives an argument of an earlier version.
+    """Return a decorator that raises an InputError with advice if a removed argument is given.
 
     Parameters
     ----------
     **advice
-        Advice on what to do instead, by the name of the removed argument.
+        For each removed argument, what to do instead.
 
     Examples
     --------

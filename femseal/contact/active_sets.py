@@ -8,16 +8,16 @@ to the load. The pressure p is the solution if p = y, for any step length c > 0.
 
 An iteration consists of three parts:
 
-1. If points have to change between separated, elastic and plastic, the active sets are changed: p is set to y, and v is
-   computed by a product with K.
+1. If some points have to change their state (separated, elastic or plastic), the active sets are updated: p is set to
+   y, and v is recomputed by a product with K.
 2. A few steps of conjugate gradients reduce the energy. The steps change the pressure of the free points, which are the
    points that are elastic or harden. Each step needs a product with K.
 3. The contact is evaluated: δ, y and the residual ‖p − y‖/‖y‖ · c₀/c are computed.
 
-The iteration is an inexact semismooth Newton method. Its convergence is not proved. If the energy increases
-repeatedly, or after 60 iterations, the method in `descent` is used instead. Before the solver accepts a pressure as the
-solution, it computes v by a product with K and from v the residual, so that the residual belongs to the returned
-pressure. Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
+The iteration is an inexact semismooth Newton method. Its convergence is not proved. If the energy increases repeatedly,
+or after 60 iterations, the method in `descent` is used instead. Before the solver accepts a pressure as the solution,
+it recomputes v by a product with K and evaluates the residual again. The reported residual is therefore that of the
+returned pressure. Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from .workspace import Loops, Problem, Workspace
 class StepLimits(NamedTuple):
     """Limits for the steps of conjugate gradients in one iteration of the contact solver.
 
-    after_change : largest number of steps of conjugate gradients if the iteration has changed the active sets.
-    without_change : largest number of steps of conjugate gradients if the iteration has not changed the active sets.
+    after_change : maximum number of conjugate-gradient steps if the iteration has changed the active sets.
+    without_change : maximum number of conjugate-gradient steps if the iteration has not changed the active sets.
     drop : the steps end when w·r, the squared energy norm of the residual, has fallen to this fraction of its initial
         value.
     """
@@ -76,7 +76,7 @@ class Lists(NamedTuple):
     near : number of points near contact. A point is near contact if it is in contact or if v is below `reach`.
     free : number of free points. The pressure of a free point is unknown.
     reach : value of v [m] below which a point is listed as near contact.
-    margin : difference between `reach` and the approach δ when the lists were made [m].
+    margin : `reach` minus the approach δ at the time the lists were made [m].
     """
 
     near: int
@@ -114,7 +114,7 @@ class Directions(NamedTuple):
 class Gradients(NamedTuple):
     """Result of several steps of conjugate gradients.
 
-    directions : scalars with which the conjugate gradients can be continued after the last step.
+    directions : scalars needed to continue the conjugate-gradient iteration after the last step.
     steps : number of steps.
     longest_step : largest permissible length c [Pa/m] of the next projection step, which is computed from the Rayleigh
         quotients of the search directions.
@@ -130,7 +130,7 @@ class Tangents(Protocol):
 
     Each evaluation of the contact gives new plastic deformations, and therefore new tangents.
 
-    delta : first guess of the approach minus the offset of the heights [m], or None.
+    delta : first guess of the approach, measured from the offset of the heights [m]; or None.
     number : number of points whose tangent has a positive slope dH/du.
     """
 
@@ -253,9 +253,9 @@ def _is_solved(
 
 
 class Product(NamedTuple):
-    """Sums over the points of the grid, and lists of points, after a product of K with the pressure.
+    """Results of a product of K with the pressure: sums over the grid points, and sizes of the point lists.
 
-    lists : how many points are listed, and the threshold with which the lists were made.
+    lists : sizes of the lists, and the threshold used to make them.
     energy : energy of the pressure.
     load : sum Σ p of the pressures of all points [Pa].
     total_v : sum Σ v over the points near contact [m].
@@ -305,10 +305,10 @@ def _evaluate(
 ) -> tuple[Lists, Evaluation]:
     """Compute δ and the residual for the step length c [Pa/m], and decide whether the active sets should be changed.
 
-    Only points in the list of points near contact are considered, because v of all other points was above `reach` when
-    the list was made. If δ exceeds `reach`, a new list is made, provided that v is accurate at all points (`is_fresh`).
-    Steps of conjugate gradients update v only at the listed points. After a step of conjugate gradients, no new list is
-    therefore made until the next product of K with the pressure.
+    Only the listed points near contact are considered: at all other points, v was above `reach` when the list was made.
+    If δ exceeds `reach`, a new list is made, provided that v is accurate at all points (`is_fresh`). Steps of conjugate
+    gradients update v only at the listed points. After a step of conjugate gradients, no new list is therefore made
+    until the next product of K with the pressure.
     """
     delta = previous.delta
     while True:

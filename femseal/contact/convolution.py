@@ -24,10 +24,10 @@ is multiplied by exp(−iπj/m). The second transform gives the waves with odd n
 the twist.
 
 FFTW plans its transforms with the option FFTW_ESTIMATE and without wisdom, that is, by fixed rules instead of measured
-times. All processes therefore use the same plans and give identical results. With plans by fixed rules, a contact
-solution on 256² to 1024² points takes 0.9 to 1.03 times as long as with plans from measured times if the axes are
-periodic, and 0.8 to 0.95 times as long if they are mirrors. On smaller periodic grids, contact solutions take longer
-than with measured plans: by 2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128² points.
+times. All processes therefore use the same plans and give identical results. On 256² to 1024² points, a contact
+solution with these plans takes 0.9 to 1.03 times as long as with measured plans if the axes are periodic, and 0.8 to
+0.95 times as long if they are mirrors. On smaller periodic grids, contact solutions take longer than with measured
+plans: by 2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128² points.
 """
 
 from __future__ import annotations
@@ -268,8 +268,8 @@ class Rows:
 class ReorderedRows(Rows):
     """Transform rows whose points must first be reordered (mirror axis) or padded with zeros (free axis).
 
-    order1 : order in which the rows are copied: on small grids, the order in which the first axis is transformed; on
-        large grids, the order of the grid.
+    order1 : order in which the rows are copied. On small grids, this is the order of the transform along the first
+        axis; on large grids, it is the order of the grid.
     is_mirror : whether points are reordered along at least one axis.
     """
 
@@ -293,7 +293,7 @@ class ReorderedRows(Rows):
         self.orders = order1, axis2.order
 
     def before(self, first: int, end: int) -> list[Call]:
-        """Return the call that copies the rows `first` to `end` − 1 in the order of the transform, with zeros."""
+        """Return the call that copies the rows `first` to `end` − 1 in the order of the transform and appends zeros."""
         return [partial(copy_in_order, self.pressure, self.target, *self.orders, first, end)]
 
     def after(self, first: int, end: int) -> list[Call]:
@@ -473,9 +473,9 @@ def planner() -> Iterator[Planned]:
     The transform reads `points` and writes `waves`. The inverse transform overwrites `waves` and writes `target`.
 
     Which plan FFTW chooses depends on its earlier plans, which FFTW calls wisdom. The wisdom is therefore deleted
-    before each plan. The wisdom is not deleted if the arrays have the same shapes, strides and types as for the
-    previous plan, because FFTW plans ten times as fast with the wisdom of an identical plan. At the end of the `with`
-    block, the wisdom that existed before the block is restored. Saving and restoring the wisdom takes milliseconds.
+    before each plan. It is kept only if the arrays have the same shapes, strides and types as for the previous plan:
+    with the wisdom of an identical plan, FFTW plans ten times as fast. At the end of the `with` block, the wisdom that
+    existed before the block is restored. Saving and restoring the wisdom takes milliseconds.
     """
     pyfftw = fftw()
     last_problem = None
@@ -515,8 +515,8 @@ def mixing_weights(symbol: Array, mirror1: bool, mirror2: bool, transforms: int)
     """Compute the weights by which `multiply_mixing` multiplies the waves.
 
     Let S be the Fourier symbol of K. Without a mirror axis, there is one array of weights, the transpose of S. With a
-    mirror axis, there are four arrays of weights, which are made from the half sums ½(S(k) + S(N − k)) and the half
-    differences ½(S(k) − S(N − k)) along each axis:
+    mirror axis, there are four arrays of weights. Each combines the half sum ½(S(k) + S(N − k)) or the half difference
+    ½(S(k) − S(N − k)) along the two axes:
 
     ===== ================ =================
     array along first axis along second axis

@@ -10,8 +10,9 @@ The equation has one solution w, because H(w) + c w increases with w, unless dH/
 replaced by the tangent of the curve at u, or by a horizontal line where the law softens. The other loops of the contact
 solver work with these straight lines instead of the curve.
 
-If a steep tangent were extended to u = 0, the pressure at u = 0 would be negative. A steep tangent therefore begins at
-a depth b > 0. The solver adds b to the gap h₁ and to the v of the point, and works with the plastic deformation u − b.
+If a steep tangent were extended back to u = 0, it would give a negative pressure there. A steep tangent is therefore
+only used from a depth b > 0 on. The solver adds b to h₁ and v of the point, and works with the plastic deformation
+u − b.
 """
 
 import numpy as np
@@ -99,7 +100,7 @@ def follow_curve(
     has_end : whether the last piece of the curve is constant.
     kind : which line replaces the curve of each point (n,): FIRST, TANGENT, END or HORIZONTAL; updated.
     hardness, slope : hardness [Pa] and hardening modulus [Pa/m] of the line that replaces the curve, (n,); updated.
-    begins : depth b [m] at which the tangent of a point begins (n,); updated.
+    begins : depth b [m] from which the tangent of each point applies (n,); updated.
     gap0 : undeformed gap h₁ + b [m] of each point (n,); updated.
 
     Returns
@@ -108,10 +109,10 @@ def follow_curve(
     slopes : derivative of Σ y with respect to cδ. At points where the curve falls, dy/dz is taken as 0.
     n_tangents : number of points whose tangent has a positive slope.
     r2, y2 : ‖p − y‖² and ‖y‖².
-    changed : number of points whose state would change if p were y, and of plastic points without hardening whose
-        pressure differs from y.
-    changed_r2 : sum of (p − y)² over the points counted in `changed`; infinite if a point has hardened until now and
-        would not harden in its new state.
+    changed : number of points whose state would change if p were set to y. Perfectly plastic points whose pressure
+        differs from y are counted as well.
+    changed_r2 : sum of (p − y)² over the points counted in `changed`; infinite if a point that has been hardening would
+        stop hardening.
     """
     listed = near[first:end]
     p = near_p[first:end]

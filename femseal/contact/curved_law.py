@@ -12,10 +12,10 @@ is replaced by the tangent of the curve at the present plastic deformation.
 4. The active sets are changed, and conjugate gradients are performed, as for linear hardening. The iteration ends when
    the pressures agree with the curves H(u).
 
-The tangents and the active sets converge in the same Newton iteration. A curved law therefore needs about as many
-iterations as a constant hardness. For a linear law, the damping is reduced when the energy increases. Energies with
-different tangents cannot be compared, so that for a curved law the damping depends on the residual. If the iteration
-does not converge, or the law softens steeply, `tangent_sequence` solves the contact.
+The tangents and the active sets converge in the same Newton iteration. A contact with a curved law therefore takes
+about as many iterations as with a constant hardness. For a linear law, the damping is reduced when the energy
+increases. Energies with different tangents cannot be compared, so that for a curved law the damping depends on the
+residual. If the iteration does not converge, or the law softens steeply, `tangent_sequence` solves the contact.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ class _Start(NamedTuple):
     """First guess of a solution.
 
     pressure : first guess of the pressure [Pa], on the grid or on the next coarser grid.
-    delta : first guess of the approach minus the offset of the heights [m]; None without a first guess.
+    delta : first guess of the approach, measured from the offset of the heights [m]; None without a first guess.
     needs_curve : whether the straight line cannot carry the load, or differs too much from the curve.
     """
 
@@ -178,7 +178,7 @@ class _Start(NamedTuple):
 
 
 def _start_from_coarser_grids(curve: _Curve, level: Level, offset: float) -> _Start:
-    """Solve a contact on all coarser grids, with the straight line of `level` as long as the line is accurate enough.
+    """Solve a contact on all coarser grids, using the straight line of `level` while it is accurate enough.
 
     offset : height [m] from which heights are measured.
     """
@@ -213,7 +213,7 @@ def _start_from_coarser_grids(curve: _Curve, level: Level, offset: float) -> _St
 
 
 def _error_of_line(curve: _Curve, line: YieldLine, pressure: Array, overlap: Array) -> float:
-    """Compute how much a linear law differs from the curve: ‖difference‖/‖pressure‖ over the points that yield.
+    """Compute the relative error of a linear law, ‖line − curve‖/‖pressure‖ over the points that yield.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def _error_of_line(curve: _Curve, line: YieldLine, pressure: Array, overlap: Arr
     pressure : array (n1, n2)
         Pressure [Pa].
     overlap : array (n1, n2)
-        Overlap of the bodies [m], which is the plastic deformation of points that yield.
+        Overlap of the bodies [m]; where points yield, this is their plastic deformation.
     """
     # deformation up to which the hardness of each point is constant, so that the line agrees with the curve
     constant_depth = np.maximum(curve.constant_depth - curve.earlier, 0.0)
@@ -322,7 +322,7 @@ class CurveTangents:
     def evaluate(
         self, n_near: int, c: float, delta: float
     ) -> tuple[float, bool, Any, Any, Any, Any]:
-        """Find the approach δ, and compare the pressures p with the projections y on the curves.
+        """Find the approach δ, and compare the pressures p with their projections y onto the curves.
 
         The arguments and the returned values have the same meaning as in `projection.evaluate`.
         """

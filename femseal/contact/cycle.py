@@ -2,8 +2,8 @@
 
 Contact states of first loading do not depend on the loading history. For the states of an unloading, the plastic
 deformation at the peak load is added to the undeformed gap, and the contact law is H(u + u₀), where u₀ is the plastic
-deformation of each point at the peak load. For the peak load itself, the contact with u₀ and H(u + u₀) has the same
-solution as on first loading. Reloading follows the unloading curve up to the peak load. Above the peak load, reloading
+deformation of each point at the peak load. At the peak load itself, this modified problem has the same solution as the
+contact on first loading. Reloading follows the unloading curve up to the peak load. Above the peak load, reloading
 follows the curve of first loading (Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018).
 """
 
@@ -35,7 +35,7 @@ class _SolvedStep:
     output : value that `take` has returned for the contact state, or the `LoadState` if `take` is None.
     deformation : plastic deformation (n1, n2) [m] if the step is a peak load, from which unloading begins; None for
         other steps.
-    memory : value that `remember` has returned for the contact; the next load step receives this value.
+    memory : return value of `remember` for this contact, to be passed to the next load step.
     has_yielded : whether any point has deformed plastically.
     """
 
@@ -129,8 +129,8 @@ def load_cycle(
     Returns
     -------
     LoadCycle
-        Contact states in the order of the load steps. For a step of an unloading, `plastic_deformation` is the
-        plastic deformation at the peak load plus any further plastic deformation during the unloading.
+        Contact states in the order of the load steps. At unloading steps, `plastic_deformation` is the deformation at
+        the peak load plus what has been added during the unloading.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def contact_at_loads(
     law : ContactLaw
         Contact law.
     solve : callable
-        Function with the arguments of `solve_contact`; it may, for example, include a fluid between the surfaces.
+        Function with the arguments of `solve_contact`. It can, for example, account for a fluid between the surfaces.
 
     Returns
     -------
@@ -200,9 +200,9 @@ def load_states(
 ) -> Iterator[Any]:
     """Solve the contact states of a load programme.
 
-    If no point has yielded at a peak load, unloading follows the loading curve. If the contact at a pressure of the
-    unloading has already been solved during loading, the output of the loading step is yielded a second time. Only
-    outputs that may be yielded a second time remain in memory.
+    If no point has yielded at a peak load, unloading follows the loading curve. In that case, if the pressure of an
+    unloading step was already solved during loading, the output of the loading step is yielded again. Only outputs that
+    may be needed again remain in memory.
 
     Parameters
     ----------
@@ -241,8 +241,8 @@ def _solve_programme(
 ) -> Iterator[Any]:
     """Yield the output of each contact state in the order of the programme.
 
-    one_after_another : whether each step of first loading depends on the step before. If True, a state of first loading
-        is never used again for an unloading, because the state depends on its history.
+    one_after_another : whether each step of first loading depends on the step before. If so, the states depend on the
+        loading history, and a state of first loading is never reused during unloading.
     """
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]
@@ -278,9 +278,9 @@ def _solve_unloading(
 ) -> Iterator[Any]:
     """Solve the unloading from all peak loads, and yield the output of each step.
 
-    peaks : mapping from the pressure of each step of first loading to the solved step.
-    elastic_outputs : mapping from pressures to outputs of states of first loading in which no point has yielded. The
-        function adds the outputs of unloading steps that follow the loading curve.
+    peaks : solved steps of first loading, by pressure.
+    elastic_outputs : outputs of first loading in which no point has yielded, by pressure. The function adds the outputs
+        of unloading steps that follow the loading curve.
     """
 
     def follows_loading(step: LoadStep) -> bool:
@@ -337,7 +337,7 @@ def _solve_step(
 ) -> _SolvedStep:
     """Solve the contact state of one load step.
 
-    is_peak : whether the result contains the plastic deformation, which an unloading from this step needs.
+    is_peak : whether to include the plastic deformation in the result, as needed for unloading from this step.
     before : for a step of an unloading, the solved step at the peak load; otherwise the previous step of first loading.
     """
     options = {} if remember is None else {"remembered": before.memory}

@@ -1,9 +1,9 @@
 """Solve a contact by steps that never increase the energy, for problems in which the active sets cycle.
 
-Each iteration begins with a step along the projected gradient, whose length is the Barzilai-Borwein length. The
-gradient step determines which points are free. Conjugate gradients on the free points follow; they ignore the bounds of
-the pressure. The pressure that the conjugate gradients reach is projected on the bounds. Finally, the pressure is moved
-towards the projected pressure as far as the energy decreases.
+Each iteration begins with a projected-gradient step of Barzilai-Borwein length. The gradient step determines which
+points are free. Conjugate gradients on the free points follow; they ignore the bounds of the pressure. Their result is
+then projected onto the bounds. Finally, the pressure is moved towards the projected pressure as far as the energy
+decreases.
 
 The load remains constant, and the energy ½⟨p, Kp⟩ + ⟨p, h₁⟩ + ψ(p) decreases with each step. The term ψ is the sum of
 ½ (p − H)₊²/h over the points that harden.
@@ -190,10 +190,10 @@ def _move(grid: Workspace, p: Array, v: Array, d: Array, delta: float, law: _Law
 def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _Law) -> int:
     """Change the pressures of the free points so that the energy falls; return the number of products with K.
 
-    Conjugate gradients find a change of the pressure that ignores the bounds. The changed pressure is then replaced by
-    the nearest pressure that is within the bounds and carries the load, and the pressure is moved towards this nearest
-    pressure. If the energy does not fall towards the nearest pressure, the pressure is moved along the change that the
-    conjugate gradients have found, until a point reaches one of its bounds. p and v (n,) are updated.
+    Conjugate gradients yield a target pressure, ignoring the bounds. This target is projected onto the pressures that
+    satisfy the bounds and carry the load, and p is moved towards the projection. If the energy does not fall in that
+    direction, p is moved towards the original target instead, until a point reaches one of its bounds. p and v (n,) are
+    updated.
     """
     free, low, high, compliance = _free_points(p, law)
     if free.size < 2:
@@ -234,7 +234,7 @@ class _FreePoints(NamedTuple):
 
 
 def _free_points(p: Array, law: _Law) -> _FreePoints:
-    """Find the free points, which are elastic or harden, so that their pressure is unknown."""
+    """Find the free points: the points that are elastic or harden, and whose pressure is therefore unknown."""
     yields = (p > law.hardness) & (law.slope > 0)
     is_elastic = (p > 0) & (p < law.hardness)
     free = np.flatnonzero(is_elastic | yields).astype(np.int32)

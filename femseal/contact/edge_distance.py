@@ -1,4 +1,4 @@
-"""Measure how far the points that yield are from the edge of their contact patch."""
+"""Compute the distance between yielding points and the edge of their contact patch."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ def mean_edge_distance(
     """Compute the mean distance of the points that yield from the edge of their contact patch.
 
     If all points of the patches yield, it is w/4 for strips of width w, and a/3 for circles of radius a. The ends of a
-    free axis are edges. A periodic axis is cut where it has the fewest points in contact; the distance is too large for
-    patches that extend beyond this cut.
+    free axis are edges. A periodic axis is cut open where it has the fewest points in contact. For patches that extend
+    across this cut, the distance is overestimated.
 
     Parameters
     ----------

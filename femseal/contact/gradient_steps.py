@@ -221,7 +221,7 @@ def advance_gap(first, end, alpha, near_v, response):
 def spread_residual(first, end, mean, dense, free, r, scale):
     """Subtract the mean residual from the residuals r of some free points, and write s r to `dense`.
 
-    After the first step of conjugate gradients, the mean residual would be 0 but for rounding errors.
+    After the first conjugate-gradient step, the mean residual differs from 0 only by rounding errors.
     """
     free, r, scale = free[first:end], r[first:end], scale[first:end]
     for k in range(end - first):

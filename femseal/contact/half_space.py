@@ -252,9 +252,9 @@ def strip_symbol(
 ) -> Array:
     """Compute the eigenvalues of the compliance K [m/Pa] for one free axis and one periodic or mirror axis.
 
-    Consider a line load that varies as a wave q along the periodic or mirror axis. With the distance x from this load
-    along the free axis, the displacement decays as (2/πE*) K₀(|q||x|). For q = 0, the displacement is the logarithmic
-    solution of plane strain, which contains an arbitrary constant.
+    Consider a line load that varies as a wave q along the periodic or mirror axis. At a distance x along the free axis,
+    the displacement due to this load is (2/πE*) K₀(|q||x|). For q = 0, the displacement is the logarithmic solution of
+    plane strain, which contains an arbitrary constant.
 
     A pressure that is constant on each pixel and follows a wave q from pixel to pixel also contains the aliases
     q + 2πm/Δ for all integers m. The displacement due to the pressure on a pixel is therefore a sum over all aliases.
@@ -340,13 +340,13 @@ def _add_wave(waves: Array, d: float, q: Array, weight: Array) -> None:
     """Add one alias of each wave to the kernels (wave, pixel): weight · ∫ K₀(q|t|) dt over each pixel.
 
     The pixels lie at t = 0, d, 2d, … The integral over the pixel at t = 0 is the integral over the whole line minus the
-    integral over |t| > d/2. This function subtracts only the integral over |t| > d/2. The integral over the whole line
-    is added by the caller, for all aliases together.
+    integral over |t| > d/2. This function subtracts only the integral over |t| > d/2. The caller adds the integral over
+    the whole line, for all aliases at once.
 
     waves : kernels (wave, pixel), which the function changes.
     d : pixel length [m].
-    q : wave number of the alias of each wave (wave,) [rad/m].
-    weight : weight of the alias of each wave (wave,).
+    q : wave number of each wave's alias (wave,) [rad/m].
+    weight : weight of each wave's alias (wave,).
     """
     # The integral of K₀(q|t|) from t to infinity is Ki₁(q t)/q. It is negligible beyond `n_near` pixels for all waves.
     reach = _LARGEST_ARGUMENT / (q.min(initial=np.inf) * d)

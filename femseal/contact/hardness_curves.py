@@ -189,10 +189,10 @@ class CoatedLaw(ContactLaw):
     The law assumes that the substrate does not constrain the plastic flow of the coating up to u = d. The assumption is
     a good approximation for contact patches that are at most about six times as wide as the coating is thick. On wider
     patches, the coating carries more pressure than the law assumes. Consider a strip of width w in contact, with a
-    coating of yield stress σ_y that sticks to both faces. In plane strain, the mean pressure on the strip is
-    (2/√3) σ_y (1 + w/4d) (slab method, Hosford & Caddell, Metal Forming, section 9.11). The mean pressure on the strip
-    exceeds the usual hardness 2.8 σ_y if w > 5.7 d: by 44 % for w = 10 d, and by a factor of 2.5 for w = 20 d. The
-    contact law of a single point cannot take the width w into account; a run warns if it matters, see
+    coating of yield stress σ_y that sticks to both faces. In plane strain, the mean pressure on the strip is (2/√3) σ_y
+    (1 + w/4d) (slab method, Hosford & Caddell, Metal Forming, section 9.11). The mean pressure on the strip exceeds the
+    usual hardness 2.8 σ_y if w > 5.7 d: by 44 % for w = 10 d, and by a factor of 2.5 for w = 20 d. The contact law is
+    evaluated point by point and therefore does not know the width w. A run warns if the width matters, see
     `checks.constrained_hardness_ratio`.
 
     Parameters
@@ -251,8 +251,8 @@ class CoatedLaw(ContactLaw):
     def bends(self) -> Array:
         """Depths [m] at which the formula of H(u) changes.
 
-        The depths include the beginning and the end of the change from coating to substrate, and the depths at which
-        the formula of the coating or of the substrate changes.
+        These are the start and the end of the transition from coating to substrate, and the depths at which the law of
+        either material changes its formula.
         """
         d = self.thickness
         return np.r_[self.layer.bends, d, (1 + _PASSAGE) * d, d + self.substrate.bends]
@@ -292,7 +292,7 @@ class CoatedLaw(ContactLaw):
         return np.clip((u / self.thickness - 1) / _PASSAGE, 0.0, 1.0)
 
     def _share(self, u: Array) -> Array:
-        """Return the weight of the substrate's hardness in H(u), which increases smoothly from 0 to 1 as 3x² − 2x³."""
+        """Return the weight of the substrate's hardness in H(u): a smooth step 3x² − 2x³ from 0 to 1."""
         x = self._passed(u)
         return x**2 * (3 - 2 * x)
 
@@ -303,8 +303,8 @@ class CoatedLaw(ContactLaw):
 def law_of_coating(layer: ContactLaw, substrate: ContactLaw | None, thickness: float) -> ContactLaw:
     """Make the contact law of a coated body.
 
-    If the substrate or the coating never yields, the law of the coating applies at every depth, and is returned. A
-    substrate never yields if it is rigid (None) or has no given strength.
+    If the substrate or the coating never yields, the law of the coating is returned, since it then applies at every
+    depth. A substrate never yields if it is rigid (None) or has no given strength.
 
     Parameters
     ----------

@@ -85,7 +85,7 @@ class ContactLaw:
         """Plastic deformation [m] up to which H(u) is the same constant for all points; 0 if H(u) varies from u = 0 on.
 
         The solver first computes the contact with the constant hardness H(0). If no point is deformed beyond
-        `constant_depth`, the result is the solution, and the computation takes no longer than with perfect plasticity.
+        `constant_depth`, this result is already the solution, at no more cost than perfect plasticity.
         """
         return inf if self.is_perfect and self.is_uniform else 0.0
 
@@ -134,8 +134,8 @@ class ContactLaw:
         The projection minimises ½(y − z)² + c ψ(y), where ψ is the energy of the contact law.
 
         If the law softens steeply, the equation z = H(u) + c u may have several solutions u. If the overlap −g of a
-        point lies beyond the steep part of the curve, the point has already softened, and its neighbours carry the load
-        that the point has lost. For a point that has already softened, the solution u near the overlap is chosen.
+        point lies beyond the steep part of the curve, the point has already softened and shed load onto its neighbours.
+        In this case, the solution u close to the overlap is chosen.
 
         Parameters
         ----------
@@ -485,8 +485,8 @@ class _ChangedLaw(ContactLaw):
 class SofterOf(ContactLaw):
     """Contact law of two bodies. At each depth u the softer body yields: H(u) = min(H₁(u), H₂(u)).
 
-    To combine two bodies, call the function `softer_of`, which makes a `SofterOf` only if the curves H₁(u) and H₂(u)
-    cross.
+    Do not create a `SofterOf` directly, but call `softer_of`: it returns one of the two laws unless their curves H₁(u)
+    and H₂(u) cross.
 
     Parameters
     ----------
@@ -499,7 +499,7 @@ class SofterOf(ContactLaw):
 
     @property
     def capacity(self) -> float:
-        """Largest mean pressure [Pa] that the points can carry: the smaller value of the two bodies."""
+        """Largest mean pressure [Pa] that the points can carry, which is limited by the weaker body."""
         return min(self.first.capacity, self.second.capacity)
 
     @property

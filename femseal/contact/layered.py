@@ -12,12 +12,12 @@ For waves that are short compared with the thickness, S tends to 1. For long wav
 substrate. For a rigid substrate, r = 0. If two bodies are in contact, their compliances C(q) add up.
 
 A bonded layer under a frictionless pressure is also treated by O'Sullivan & King, J. Tribol. 110, 1988, and for rough
-surfaces by Nogi & Kato, J. Tribol. 119, 1997, 493. The formula of S was not compared with the text of the two papers,
-but with closed forms and with finite elements (docs/evidence/coatings.md).
+surfaces by Nogi & Kato, J. Tribol. 119, 1997, 493. The formula for S was verified against closed-form solutions and
+finite elements (docs/evidence/coatings.md), but not against these two papers.
 
-Along free axes, the displacement is the displacement of half-spaces of the layers' materials plus the change by the
-coatings. The change by the coatings is a smooth function of the position, because S − 1 decays exponentially with t. To
-compute the change, S − 1 is fitted by a sum of exponentials, Σ a exp(−b t). Each exponential gives a displacement
+Along free axes, the displacement is computed in two parts: that of uncoated half-spaces of the layers' materials, and
+the change due to the coatings. The change is a smooth function of the position, because S − 1 decays exponentially with
+t. It is computed by fitting S − 1 with a sum of exponentials, Σ a exp(−b t). Each exponential gives a displacement
 proportional to 1/√(ρ² + (bd)²) at the distance ρ from a point load, like the potential of a charge at the depth b d.
 The integral of this displacement over a pixel has a closed form.
 """
@@ -160,8 +160,8 @@ def layer_factor(body: Coated, t: Array) -> Array:
 def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodies: Bodies) -> Array:
     """Compute the change of the displacement by the coatings, compared with uncoated half-spaces, for one free axis.
 
-    The uncoated half-spaces consist of the materials of the layers. The change of the displacement is a term of the
-    kernel of `half_space.strip_symbol`, before the Fourier transform.
+    The uncoated half-spaces have the properties of the layers. The change is added to the kernel in
+    `half_space.strip_symbol` before its Fourier transform.
 
     Let q₁ be the wave number along the free axis, q₂ the wave number along the periodic or mirror axis, and q² = q₁² +
     q₂². For q₂ > 0, the change of the displacement is (1/2π) ∫ 2(S(qd) − 1)/(E₁* q) exp(i q₁ x) dq₁, averaged over
@@ -257,7 +257,7 @@ def _coated(bodies: Bodies) -> list[Coated]:
 
 
 def _scaled_body(body: Solid | Coated | None, factor: float) -> Solid | Coated | None:
-    """Return a body whose Young's moduli are multiplied by a factor, without yield stresses."""
+    """Return a copy of a body with its Young's moduli multiplied by a factor and without yield stresses."""
     if body is None:
         return None
     if isinstance(body, Solid):
@@ -270,7 +270,7 @@ def _scaled_body(body: Solid | Coated | None, factor: float) -> Solid | Coated |
 
 
 def _without_length(body: Coated) -> Coated:
-    """Return a body with the same S(t), whose layer has a thickness of 1 m and a Young's modulus of 1 Pa."""
+    """Return a body with the same S(t) but a layer thickness of 1 m and a Young's modulus of the layer of 1 Pa."""
     layer = Solid(1.0, body.layer.poisson)
     if body.substrate is None:
         return Coated(None, layer, 1.0)

@@ -73,8 +73,7 @@ class Level(NamedTuple):
     def first_guess(self) -> Array:
         """Guess the pressure: distribute the load uniformly on the highest points.
 
-        The number of loaded points is chosen so that the pressure on the loaded points is the smaller of the hardness
-        and 0.1 E*.
+        The number of points is chosen such that each carries the hardness or 0.1 E*, whichever is smaller.
         """
         wanted_pressure = min(self.line.mean_hardness, 0.1 * self.half_space.pixel_modulus)
         gap0 = self.gap0
@@ -129,7 +128,7 @@ def _start_from_coarser_grids(level: Level, offset: float) -> Array:
 
 
 def uniform_contact(level: Level, offset: float, pressure: float | Array) -> Contact:
-    """Make a `Contact` without solving a problem, because the pressure of all points is known.
+    """Make a `Contact` directly if the pressure of all points is known, without solving a problem.
 
     pressure : 0 for a contact without load, or the pressure of each point [Pa] if all points are in contact.
     """

@@ -126,9 +126,9 @@ def list_near_in_parts(
 ):  # fmt: skip
     """Make the lists of `list_near` on several threads.
 
-    Each thread lists the points of some parts of the grid. Only a few parts of the grid are processed at a time, so
-    that their lists need little memory. The points of all rows are listed. The argument `_first` has no effect; this
-    function merely takes the same arguments as `list_near`.
+    Each thread lists the points of some parts of the grid. Only a few parts are processed at a time, to keep the memory
+    for their lists small. The points of all rows are listed. The argument `_first` has no effect; this function merely
+    takes the same arguments as `list_near`.
     """
     columns = gap0.size // n_rows
     row_ranges = parts(n_rows, PART / columns)  # (first row, end) of each part
@@ -171,7 +171,7 @@ def evaluate(hardness, slope, state, near, near_p, near_v, trial, load, n_near, 
     The trial pressure is x + cδ with x = p − c v, and y(δ) is its projection on the contact law. The approach δ follows
     from Σ y(δ) = load.
 
-    Returns δ, whether the points near contact can carry the load, and the four values that `compare` returns.
+    Returns δ, a flag that is True if the points near contact can carry the load, and the four results of `compare`.
     """
     find_trial(n_near, c, near_p, near_v, trial)
     delta, can_carry = find_approach(
@@ -242,8 +242,8 @@ def law_at(i, hardness, slope, c):
     """Return the hardness H [Pa] of point i, and the fraction t = h/(h + c).
 
     In the formula, h is the hardening modulus [Pa/m] of the point, and c the length [Pa/m] of the projection step.
-    Above the hardness, the projected pressure increases by t times the increase of the trial pressure. Without
-    hardening, t is 0.
+    Above the hardness, the slope of the projected pressure with respect to the trial pressure is t. Without hardening,
+    t is 0.
     """
     modulus = value_at(slope, i)
     fraction = modulus / (modulus + c) if modulus > 0.0 else 0.0
@@ -274,7 +274,7 @@ def find_approach(x, n, hardness, slope, c_law, listed, c, load, start):
     first guess `start`.
 
     c : factor of δ in the trial pressure.
-    c_law : value of c [Pa/m] in t = h/(h + c), the slope dy/dz of a point that hardens.
+    c_law : the c [Pa/m] used in t = h/(h + c), where t is the slope dy/dz at a point that hardens.
 
     In a projection step, `c` and `c_law` are both equal to the length of this step. When `project` adds a uniform
     pressure δ to the free points, c = 1 and c_law = 0. With c_law = 0, t is 1, so that the pressure of points that
@@ -310,7 +310,7 @@ def capacity(first, end, x, hardness, slope, c_law, listed, load):
     full : largest value of min(H, load) − x. If cδ > full, the pressure of each point is at least min(H, load). The
         points then carry at least the load, or all points are at their hardness.
     total : sum of the hardnesses H of the points: the load that they carry when the pressure of each point is H.
-    rise : sum of the slopes t of the points: the derivative of the load with respect to cδ when all points harden.
+    rise : sum of the slopes t, that is, the derivative of the load with respect to cδ when all points harden.
     """
     x, listed = x[first:end], listed[first:end]
     highest = -np.inf
@@ -465,7 +465,7 @@ def clear(first, end, free, dense):
 def set_pressures(first, end, c, delta, keep, hardness, slope, p, state, near, near_p, trial):
     """Set pressure and state of some points near contact, see `project`.
 
-    Returns how many of the points are free, and the load that the points with a known pressure carry.
+    Returns the number of free points, and the load carried by all other points.
     """
     listed = near[first:end]
     x = trial[first:end]

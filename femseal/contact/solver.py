@@ -64,9 +64,8 @@ def solve_contact(
         of the pixel lengths along both axes; an axis with a single point is left out of the mean. For contact laws with
         hardening, clip is replaced by the projection on the contact law.
     threads : int, optional
-        Number of threads that share the work on grids of 512² points or more. By default, all threads that the current
-        run leaves free are used; without a run, a single thread is used. The number of threads does not change the
-        results.
+        Number of threads that share the work on grids of 512² points or more. By default, all threads left free by the
+        current run, or a single thread outside of a run. The number of threads does not change the results.
 
     Returns
     -------
@@ -86,7 +85,7 @@ def solve_contact(
     contact and the points at the hardness, as in gradient-projection conjugate gradients (Moré & Toraldo, SIAM J.
     Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206). If the active sets still change after many iterations,
     the solver continues with steps that never increase the energy. The attribute `residual` of the returned `Contact`
-    belongs to the returned pressure.
+    is the residual of the returned pressure.
 
     Examples
     --------

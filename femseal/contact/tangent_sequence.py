@@ -1,9 +1,9 @@
 """Solve a contact with a curved law H(u) as a sequence of contacts with tangents of the curve.
 
 Each tangent touches the curve at the plastic deformation of the previous contact. The sequence takes 5 to 20 times as
-long as a single contact with a linear law. The sequence is used for the contact laws that `curved_law` cannot solve:
-laws that soften so steeply that single pixels yield while their neighbours do not, and laws in which the curves of
-different points differ by more than a shift.
+long as a single contact with a linear law. The sequence is used for the two kinds of contact law that `curved_law`
+cannot handle. In one kind, the law softens so steeply that single pixels yield while their neighbours do not. In the
+other, the curves of different points are not just shifted copies of each other.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ _SMALL_STIFFNESS = 0.1
 
 
 def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
-    """Solve a contact with a curved law as a sequence of contacts with tangents of the law.
+    """Solve a contact with a curved law by a sequence of contacts in which tangents replace the law.
 
     Each tangent touches the curve at the plastic deformation u of the previous contact. The pressure of the previous
     contact is the first guess of the next contact. The mismatch is the relative difference between a pressure and its
-    projection on the contact law. The target residual of a contact is a fraction of the mismatch after the previous
-    contact.
+    projection on the contact law. Each contact is solved until its residual is a fraction of the mismatch left by the
+    previous contact.
 
-    If the law of a point softens, and the change of u has reversed its sign, only half of the change is made.
-    Without this rule, u could oscillate between two tangents. If the law begins with a constant hardness up to a
-    certain depth, and no point is deformed beyond this depth, the first contact is already the solution.
+    If the law of a point softens and its change of u has changed sign, only half of the change is applied. Without this
+    rule, u could oscillate between two tangents. If the law begins with a constant hardness up to a certain depth, and
+    no point is deformed beyond this depth, the first contact is already the solution.
 
     Raises
     ------
@@ -118,11 +118,11 @@ def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
 def _tangent_from_depth(
     law: ContactLaw, first: YieldLine, u: Array
 ) -> tuple[YieldLine, float | Array]:
-    """Compute the tangents of a law at the deformations u (n1, n2) [m], and the depth at which each tangent begins.
+    """Compute the tangents of a law at the deformations u (n1, n2) [m], and the depth from which each tangent applies.
 
-    If a steep tangent were extended to u = 0, the pressure at u = 0 would be negative. A steep tangent therefore begins
-    at a depth b > 0. The caller adds b to the undeformed gap, so that the contact problem is solved for the plastic
-    deformation u − b.
+    If a steep tangent were extended back to u = 0, it would give a negative pressure there. A steep tangent is
+    therefore only used from a depth b > 0 on. The caller adds b to the undeformed gap and solves the contact problem
+    for the plastic deformation u − b.
 
     first : tangent of the law at u = 0.
     """
@@ -148,7 +148,7 @@ def _tangent_from_depth(
 
 
 def _increase_to_carry(law: ContactLaw, u: Array, load: float) -> float:
-    """Find by how much the deformation of all points has to increase for their hardness to carry the load.
+    """Find the common increase of the deformation at which the hardness of the points can carry the load.
 
     Returns 0 if no increase suffices. If the deformations of all points increase by the same length, only the approach
     changes, and the pressure remains the same.

@@ -37,9 +37,8 @@ def multiply_mixing(block, n, first, count, weights, twisted, turn1, turn2):
     weights : array
         Weights from `convolution.mixing_weights`.
     twisted : bool
-        Whether each column has two rows in the block: in the first half of the block a row of waves with even numbers,
-        in the second half a row of waves with odd numbers. In a row of waves with odd numbers, position n − 1 − k is
-        paired with position k.
+        Whether each column has two rows in the block: even-numbered waves in the first half of the block, odd-numbered
+        waves in the second half. In a row of odd-numbered waves, position n − 1 − k is paired with position k.
     turn1, turn2 : array
         Factors e² = exp(iπk/N) of the waves k: `turn1` along the first axis, `turn2` along the second axis.
     """
@@ -112,7 +111,8 @@ def copy_in_order(points, staged, order1, order2, first, end):
 def copy_back(staged, points, order1, order2, first, end):
     """Copy the rows `first` to `end` − 1 of `staged` back to the order of the grid: the inverse of `copy_in_order`.
 
-    `staged` and `points` may share their memory, because each row of `staged` is copied before a row is written.
+    `staged` and `points` may share memory: each row of `staged` is buffered before the corresponding row of `points` is
+    written.
     """
     staged_row = np.empty(order2.size, staged.dtype)
     for i in range(first, end):
@@ -124,11 +124,11 @@ def copy_back(staged, points, order1, order2, first, end):
 
 @contracted
 def copy_columns(columns, block, twist, order):
-    """Copy columns to the rows of a block, in the order of the transform.
+    """Copy columns into the rows of a block, reordering the points for the transform.
 
-    If the first axis is free, the factors `twist` are given, and each column has two rows in the block. The row in the
-    first half of the block contains the points, and its transform gives the waves with even numbers. The row in the
-    second half contains the points multiplied by `twist`, and its transform gives the waves with odd numbers. Zeros are
+    If the first axis is free, `twist` is not empty, and each column has two rows in the block. The row in the first
+    half of the block contains the points, and its transform gives the waves with even numbers. The row in the second
+    half contains the points multiplied by `twist`, and its transform gives the waves with odd numbers. Zeros are
     appended to both rows.
 
     columns : array (n1, columns), transforms of the rows of the grid.
@@ -154,10 +154,10 @@ def copy_columns(columns, block, twist, order):
 
 @contracted
 def copy_columns_back(columns, block, twist, order):
-    """Copy the rows of a block back to columns, as the inverse of `copy_columns`.
+    """Copy the rows of a block back to columns: the inverse of `copy_columns`.
 
-    If `twist` is given, a point is the sum of two values: the value from the row in the first half of the block, and
-    the value from the row in the second half, which is multiplied by the complex conjugate of `twist`.
+    If `twist` is not empty, each point is the sum of two values. One is taken from the row in the first half of the
+    block. The other is taken from the row in the second half, and multiplied by the complex conjugate of `twist`.
     """
     n1, count = columns.shape
     second_half = block.shape[0] // 2  # first row of the second half of the block

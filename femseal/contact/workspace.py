@@ -60,7 +60,7 @@ class Problem(NamedTuple):
 
 
 def workspace(half_space: HalfSpace, finest: HalfSpace | None = None) -> Workspace:
-    """Make the arrays with which the contact solver works on the grid of a half-space.
+    """Make the work arrays of the contact solver for the grid of a half-space.
 
     The arrays remain in memory for the next problem of this thread, unless the finest of the nested grids is large.
 
@@ -143,8 +143,7 @@ class Workspace:
     weights : array (3, 3)
         Weights of the preconditioner M [Pa/m].
     compliance : float
-        Factor 1/E* [1/Pa] by which displacements from `arrays` are multiplied. The transforms in `arrays` belong to a
-        contact modulus of 1 Pa.
+        Factor 1/E* [1/Pa] applied to displacements from `arrays`, which are computed for a contact modulus of 1 Pa.
     """
 
     def __init__(self, half_space: HalfSpace, arrays: WorkArrays, is_kept: bool) -> None:

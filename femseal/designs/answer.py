@@ -60,22 +60,22 @@ def design(
     Parameters
     ----------
     what : Case, Results or path
-        A case or a case file, which is then run; or results or a results folder, which are used without a further run.
+        A case or a case file to run, or the results or results folder of a finished run.
     output : path, optional
         Folder in which the results of the run and the answer are stored. If the folder already contains complete
-        results of the same case, they are used instead of a run. By default nothing is written, not even into the
-        folder of results that the caller gives.
+        results of the same case, they are used instead of a run. By default nothing is written, not even if `what` is a
+        results folder.
     classes : iterable of str
         Leakage classes, or leakages with their unit, see `base.leak_rates`. Default: the classes of the case, or else
         L0.01, L0.1 and L1. If the case has a test fluid, the leakage of the test fluid is compared with the classes.
     probability : float
         Fraction of the realisations, above 0 and below 1, that must meet the class at the additional Qmin.
     assembly : iterable of float or str
-        Further loads in assembly Q_A, from which the seal is unloaded, in SI or as texts such as "300 MPa". If the
-        loads of the case are forces, the loads in `assembly` are forces as well, such as "60 kN". If `what` is results,
-        the run must already contain the unloading from these loads.
+        Further loads in assembly Q_A, from which the seal is unloaded, in SI or as texts such as "300 MPa". Give
+        forces, such as "60 kN", if the loads of the case are forces. If `what` is the results of a run, this run must
+        already contain the unloading from these loads.
     nominal_diameter : float or str, optional
-        Nominal diameter [m] for the rates of ISO 5208, or a text such as "50 mm".
+        Nominal diameter for the rates of ISO 5208, in metres or as text such as "50 mm".
     solve : bool
         Whether to solve a case again, once with a slightly higher hardness, and once with a slightly larger length in
         the flow law (mean free path or slip length). The sensitivities to the hardness and to this length do not follow
@@ -170,9 +170,9 @@ def design(
 
 
 def _case_or_results(what: Case | Results | AnyPath) -> tuple[Case | None, Results | None]:
-    """Return the case and the results, one of which the user has given as an object or a path.
+    """Return either the case or the results that the user has given as an object or a path.
 
-    If the user has given a case, the results are None; if the user has given results, the case is None.
+    The other member of the returned pair is None.
     """
     if isinstance(what, Results):
         return None, what
@@ -270,10 +270,10 @@ def _check_unloaded_from(seals: Seals, pressures: list[float]) -> None:
 class _Load:
     """Load at which the sensitivities are computed.
 
-    class_name : leakage class whose Qmin the load is; "" if the load is not a Qmin.
+    class_name : leakage class if the load is Qmin of this class, otherwise "".
     pressure : nominal pressure [Pa]; NaN if the sensitivities cannot be computed at any load.
-    replaced : requirement whose Qmin is replaced by another load, because the seal does not leak at this Qmin, or its
-        leakage is unknown; None if the load is a Qmin.
+    replaced : requirement whose Qmin could not be used, because at this load the seal does not leak or its leakage is
+        unknown; None if no Qmin had to be replaced.
     """
 
     class_name: str
@@ -316,7 +316,7 @@ def _choose_load_of_sensitivities(
 
 
 def _note_on_load(load: _Load, results: Results) -> list[str]:
-    """Write a note if the sensitivities are computed at another load than Qmin of a class."""
+    """Write a note if the sensitivities had to be computed at a load other than Qmin."""
     if load.replaced is None:
         return []
     load_text = short_loads(results)
@@ -334,7 +334,7 @@ def _note_on_load(load: _Load, results: Results) -> list[str]:
 
 
 def _with_fluid(variants: Variants, results: Results) -> Variants:
-    """Return a copy of `variants` with the properties of the fluid whose leakage is compared with leakage classes."""
+    """Return a copy of `variants` for the fluid to which the leakage classes apply."""
     state = class_fluid(results)
     if state is None:
         return variants
@@ -353,7 +353,7 @@ def _note_on_version(results: Results) -> list[str]:
 
 
 def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
-    """List notes for the user on what the answer does not contain, and on results that were left out."""
+    """List notes for the user on parts missing from the answer, and on results that were left out."""
     notes = []
     smaller_fraction = min(fraction, 1 - fraction)
     if seals.count == 1:

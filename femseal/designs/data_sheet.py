@@ -1,4 +1,4 @@
-"""Present the answer of a design like a gasket data sheet: tables, files for other programs, and a picture."""
+"""Present the answer of a design as a data sheet, as for a gasket: tables, files for other programs, and a picture."""
 
 from __future__ import annotations
 
@@ -90,9 +90,9 @@ class Design(Plotted):
     sealing : NeededPressure
         Lowest pressure in assembly at which the seal does not leak.
     at : pair (str, float)
-        Name of a leakage class and nominal pressure [Pa] at which the sensitivities are computed. The pressure is Qmin
-        of the class. The name is "" if the pressure is not Qmin of a class; the pressure is NaN if the sensitivities
-        cannot be computed.
+        Leakage class, and the nominal pressure [Pa] at which the sensitivities are computed, normally Qmin of this
+        class. If another pressure had to be used, the class is "". The pressure is NaN if the sensitivities cannot be
+        computed.
     sensitivities : tuple of Sensitivity
         Logarithmic slopes of the leakage with respect to every quantity.
     notes : tuple of str
@@ -111,7 +111,7 @@ class Design(Plotted):
 
     @property
     def stiffness(self) -> dict[float, float]:
-        """Secant stiffness of the interface [Pa/m] when unloaded from Q_A to Q_A/3, for each pressure in assembly Q_A.
+        """Secant stiffness of the interface [Pa/m] for unloading from Q_A to Q_A/3, by pressure in assembly Q_A.
 
         The stiffness is (Q_A − Q_A/3) / (h(Q_A/3) − h(Q_A)), with the mean gap h during unloading. Because an interface
         has no thickness, the modulus E_G of EN 13555 of a gasket is this stiffness times the thickness of the gasket.
@@ -148,7 +148,7 @@ class Design(Plotted):
 
     @cached_property
     def _indices_or_reason(self) -> tuple[tuple[SealingIndex, ...], str]:
-        """Sealing indices, and the reason if the run does not determine any."""
+        """Sealing indices, and, if there are none, the reason."""
         limits = {need.name: need.limit for need in self.requirements}
         try:
             return indices_of_limits(self.results, limits), ""
@@ -157,12 +157,12 @@ class Design(Plotted):
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """Verdict of the report on each leakage class: whether the seal meets the class, and from which load on."""
+        """Verdicts of the report, which say whether the seal meets each leakage class, and from which load."""
         return verdicts_of(self.results, [(need.name, need.limit) for need in self.requirements])
 
     @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
-        """Leakage unit of the first class, and the leakage per length of seal [m²/s] that is one unit."""
+        """Leakage unit of the first class, and its size as a leakage per length of seal [m²/s]."""
         unit = self.results.leak_unit
         if self.requirements:
             first_class = leak_classes([self.requirements[0].name])[0]
@@ -184,8 +184,8 @@ class Design(Plotted):
     def write(self, folder: AnyPath) -> list[Path]:
         """Write `design.csv`, `design.json` and `design.png`.
 
-        The picture is also written in all other `picture_formats` of the case. If the folder contains results, the
-        report of the results is written again, because the report includes the answer.
+        The picture is also written in all other `picture_formats` of the case. If the folder contains results, their
+        report is rewritten to include the answer.
 
         Parameters
         ----------
@@ -359,8 +359,8 @@ def _mark_needed_pressures(
 def sheet_tables(answer: Design) -> list[TextTable]:
     """Make the tables of the data sheet.
 
-    The first table contains Qmin and QSmin of each class. Tables of the sensitivities and of the sealing index follow
-    if the answer contains sensitivities or sealing indices.
+    The first table contains Qmin and QSmin of each class. It is followed by a table of the sensitivities and a table of
+    the sealing indices, if the answer contains any.
     """
     columns = _columns_of_realisations(answer) + _columns_of_relaxation(answer)
     names = ("Qmin(L)", "QSmin(L), Q_A = {}")
@@ -375,7 +375,7 @@ def sheet_tables(answer: Design) -> list[TextTable]:
 
 
 def _columns_of_realisations(answer: Design) -> list[tuple[str, list[str]]]:
-    """Return the heading and the cells of a column: Qmin of each class for a fraction of the realisations.
+    """Return the heading and the cells of the column with Qmin of each class for a fraction of the realisations.
 
     The list of columns is empty if the run has a single realisation.
     """
@@ -392,9 +392,8 @@ def _columns_of_realisations(answer: Design) -> list[tuple[str, list[str]]]:
 def _columns_of_relaxation(answer: Design) -> list[tuple[str, list[str]]]:
     """Return the headings and the cells of the columns on relaxation; an empty list for a case without relaxation.
 
-    Each column has one cell for each leakage class. The first column contains Qmin with relaxation. A further column
-    for each pressure in assembly Q_A says whether the class is still met after relaxation, when only a part of Q_A is
-    left.
+    Each column has one cell for each leakage class. The first column contains Qmin with relaxation. For each pressure
+    in assembly Q_A, another column says whether the seal still meets the class after relaxation has reduced Q_A.
     """
     relaxation = answer.relaxation
     if not relaxation:
@@ -470,7 +469,7 @@ def sheet_sentences(answer: Design) -> list[str]:
 
 
 def rows(answer: Design) -> list[dict[str, Any]]:
-    """List all numbers of the answer as rows of a table, with pressures in Pa."""
+    """List all numerical results of the answer as table rows, with pressures in Pa."""
     figures = [
         *(row for need in answer.requirements for row in _rows_of_requirement(answer, need)),
         _pressure_row(answer, "sealing load [Pa]", "", None, answer.sealing),
@@ -501,7 +500,7 @@ def rows(answer: Design) -> list[dict[str, Any]]:
 
 
 def _rows_of_requirement(answer: Design, need: Requirement) -> list[dict[str, Any]]:
-    """List the rows of the table that contain the pressures required to meet a leakage class."""
+    """List the table rows for one leakage class, with the pressures required to meet it."""
     name = need.name
     figures = [_pressure_row(answer, "Qmin [Pa]", name, None, need.assembly)]
     if answer.seals.count > 1:
@@ -520,9 +519,9 @@ def _pressure_row(
 ) -> dict[str, Any]:
     """Make the row of the table for a pressure that is required to meet a leakage class.
 
-    Further cells contain the pressure that follows from the computed leakage, and the lower and the upper end of the 95
-    % interval of the required pressure. The cell of a pressure that is unknown or outside the loads of the case is
-    empty.
+    The columns "computed", "low" and "high" contain the pressure that follows from the computed leakage, and the lower
+    and upper limits of the 95 % interval of the required pressure. A cell is empty if the pressure is unknown or
+    outside the loads of the case.
     """
     value = needed.bound(needed.value)
     row = _row(
@@ -542,5 +541,5 @@ def _pressure_row(
 
 
 def _row(**cells: Any) -> dict[str, Any]:
-    """Make a row of the table from some of its cells; all other cells are empty."""
+    """Make a row of the table from the given cells, and leave the other cells empty."""
     return dict.fromkeys(_COLUMNS) | cells

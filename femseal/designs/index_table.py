@@ -73,7 +73,7 @@ def index_rows(indices: Sequence[SealingIndex]) -> list[dict[str, Any]]:
 
 
 def _ends(low: float, high: float) -> dict[str, float]:
-    """Return the cells of an interval by the names of their columns; the cell of an unknown end is empty."""
+    """Return the ends of an interval by column name; leave out an end that is unknown."""
     return {name: end for name, end in (("low", low), ("high", high)) if isfinite(end)}
 
 

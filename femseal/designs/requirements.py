@@ -1,9 +1,9 @@
 """Find the pressures in assembly and in service at which a seal meets a leakage class, or does not leak at all.
 
-The verdict on a class states the same loads (`results/verdict.py`). Each pressure is given three times: for the
-computed leakage, and for the lower and the upper end of the 95 % interval of the leakage. The interval includes the
-scatter between realisations. A further pressure is the pressure at which a given fraction of the realisations meets the
-class according to their computed leakage.
+The verdict on a class states the same loads (`results/verdict.py`). Each pressure has three values: one for the
+computed leakage, and one for each end of its 95 % interval. The interval includes the scatter between realisations.
+Another pressure is given at which a certain fraction of the realisations meets the class, judged by the computed
+leakage.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ class Seals:
     steps : LoadProgramme
         The load steps.
     leakage : array (realisations, steps)
-        Magnitude of the leakage per length [m²/s]. The value is infinite if the seal may leak by any amount, because
+        Magnitude of the leakage per length [m²/s]. It is infinite where the seal may leak by any amount, for example if
         the computed leakage is 0 and the upper end of its 95 % interval is unknown.
     curve : LeakageCurve
-        Leakage that the run reports, such as the median of the realisations, with its interval.
+        Leakage reported by the run, for example the median of the realisations, with its 95 % interval.
     """
 
     steps: LoadProgramme
@@ -45,8 +45,7 @@ class Seals:
     def from_results(cls, results: Results) -> Seals:
         """Collect the leakages of all realisations of a run, or of its single seal.
 
-        If the case has a test fluid, the leakages are the leakages of the test fluid, which are compared with leakage
-        classes.
+        If the case has a test fluid, its leakage is used, since this is what leakage classes limit.
         """
         _, leakage = results.class_leakage
         interval = results.class_interval
@@ -63,7 +62,7 @@ class Seals:
         leakage: Array,
         interval: tuple[Array, Array] | None = None,
     ) -> Seals:
-        """Collect the leakages of realisations, without realisations whose solution failed at a load step.
+        """Collect the leakages of realisations, except those whose solution failed at a load step.
 
         Parameters
         ----------
@@ -85,12 +84,12 @@ class Seals:
 
     @classmethod
     def _with_open_loads(cls, steps: LoadProgramme, leakage: Array, curve: LeakageCurve) -> Seals:
-        """Create the seals, with an infinite leakage at low loads at which the leakage is unknown.
+        """Create the seals; where the leakage at a low load is unknown, set it to infinity.
 
         At low loads, the fluid pressure alone may carry the load, so that the faces are separated and the leakage is
-        unknown. A load of a branch (loading, or one unloading) counts as low if it is below the lowest load of the
-        branch at which the leakage is known. Each branch is treated separately, because the load at which the faces
-        separate differs between branches.
+        unknown. On each branch (the loading, or one unloading), a load counts as low if it is below all loads whose
+        leakage is known. The branches are treated separately, because the faces do not separate at the same load on all
+        of them.
         """
         magnitude = np.abs(np.atleast_2d(reals(leakage)))
         is_known = ~np.isnan(magnitude).all(axis=0)  # (steps,)
@@ -146,7 +145,7 @@ class Seals:
         return crossings(self.steps.pressures[steps], self.leakage[:, steps], limit)
 
     def needed_with_relaxation(self, limit: float, relaxation: float) -> Array:
-        """Find the lowest pressure in assembly at which each realisation still meets a limit after relaxation.
+        """Find, per realisation, the lowest pressure in assembly at which it still meets a limit after relaxation.
 
         relaxation : fraction of the load that is lost by relaxation.
 
@@ -158,10 +157,10 @@ class Seals:
     def needed_by_fraction(
         self, fraction: float, limit: float, peak: float | None = None
     ) -> NeededPressure:
-        """Find the pressure at which a fraction of the realisations meets a limit according to their computed leakage.
+        """Find the pressure at which the computed leakage of a given fraction of the realisations meets a limit.
 
-        Each realisation meets the limit from a certain pressure on. The result is an order statistic of these
-        pressures: the pressure of one realisation, without interpolation between realisations.
+        Each realisation has its own lowest pressure for the limit. These pressures are sorted, and one of them is
+        returned as the quantile, without interpolation.
         """
         value = float(np.sort(self.needed_pressures(limit, peak))[_rank(fraction, self.count)])
         pressures = self.steps.pressures[self.steps_from_highest(peak)]
@@ -179,7 +178,7 @@ class Seals:
 def _rank(fraction: float, count: int) -> int:
     """Return the index of a quantile in a sorted array of `count` values.
 
-    At least the given fraction of the values, rounded up to a whole number of values, does not exceed the quantile.
+    The quantile is the smallest value that at least the given fraction of the values does not exceed.
     """
     # a product that is slightly above 9 because of rounding counts as 9
     number = ceil(fraction * count - 1e-9)

@@ -66,7 +66,7 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Variants:
-    """Hold further solutions of the same seals, each with one quantity changed, and properties of solids and fluid.
+    """Hold the input of the sensitivities: solutions with one quantity changed, and properties of solids and fluid.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ class _Slope:
 def sensitivities(
     seals: Seals, variants: Variants, pressure: float, fraction: float
 ) -> tuple[Sensitivity, ...]:
-    """Compute the logarithmic slopes of a quantile of the leakage with respect to all quantities.
+    """Compute the logarithmic slopes of a leakage quantile with respect to every quantity.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def sensitivities(
 
 
 def log_leakage_at(seals: Seals, pressure: float, fraction: float) -> float:
-    """Interpolate ln L, with the leakage L per length of seal [m²/s], during loading at a nominal pressure [Pa].
+    """Interpolate ln L on the loading curve at a nominal pressure [Pa]; L is the leakage per length of seal [m²/s].
 
     The result is NaN if the leakage at this pressure is unknown or 0.
 
@@ -195,13 +195,12 @@ def log_leakage_at(seals: Seals, pressure: float, fraction: float) -> float:
 
 
 def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
-    """Compute the slope d ln L/d ln p of the leakage L during loading at a nominal pressure p [Pa].
+    """Compute the slope d ln L/d ln p of the loading curve at a nominal pressure p [Pa]; L is the leakage.
 
-    The slope is the derivative of a monotone cubic spline (PCHIP) of ln L over ln p through the load steps. A straight
-    line between two load steps would give a slope with a large error where the curve of ln L over ln p bends. On the
-    turned face of the examples, for example, two solutions with loads close to 579 MPa give a slope of −3.06; the
-    spline gives −3.00, and a straight line −2.73. The slope is NaN if the pressure is outside the range of loads at
-    which the seal leaks.
+    The slope is the derivative of a monotone cubic spline (PCHIP) of ln L over ln p through the load steps. Where this
+    curve bends, a straight line between two load steps would give a poor slope. For the turned face in the examples,
+    solving two loads close to 579 MPa gives a slope of −3.06; the spline gives −3.00, and a straight line only −2.73.
+    The slope is NaN if the pressure is outside the range of loads at which the seal leaks.
     """
     log_pressure, log_leakage = _leaking_loads(seals, fraction)
     at = np.log(pressure)
@@ -212,7 +211,7 @@ def slope_at(seals: Seals, pressure: float, fraction: float) -> float:
 
 
 def _leaking_loads(seals: Seals, fraction: float) -> tuple[Array, Array]:
-    """Return ln(pressure) and ln(leakage), by rising pressure, for all loads during loading at which the seal leaks."""
+    """Return ln(pressure) and ln(leakage) of the loading steps at which the seal leaks, by increasing pressure."""
     steps = seals.steps_from_highest()[::-1]
     pressure = seals.steps.pressures[steps]
     leakage = seals.quantile_curve(fraction)[steps]
@@ -223,7 +222,7 @@ def _leaking_loads(seals: Seals, fraction: float) -> tuple[Array, Array]:
 def solved_variants(
     case: Case, results: Results, workers: int | None, progress: Progress
 ) -> Variants:
-    """Solve the seals of a run twice more: with a higher hardness, and with a larger length in the flow law.
+    """Solve the seals of a run twice more: first with a higher hardness, then with a larger length in the flow law.
 
     If the case has a test fluid, the seals are solved with the test fluid. Elastic solids have no hardness, so that
     `harder` is None. If the flow law contains no length, `longer_length` is None.
@@ -251,7 +250,7 @@ def solved_variants(
     scene = fluid_table.state.in_scene(prepared.scene)
 
     def solve(changed: Scene, quantity: str) -> Seals:
-        """Solve the seals with a changed scene; `quantity` is the changed quantity, for the progress."""
+        """Solve the seals for a modified scene; `quantity` names the modified quantity in the progress display."""
         version = replace(prepared, scene=changed)
         with (
             ordered_map(workers, before=compile_ahead) as mapper,

@@ -338,7 +338,7 @@ def sealing_indices(
     tolerance : float
         Largest relative deviation of the permeability from a power law in each range.
     nominal_diameter : float or str, optional
-        Nominal diameter [m] for the rates of ISO 5208, or a text such as "50 mm".
+        Nominal diameter for the rates of ISO 5208, in metres or as text such as "50 mm".
 
     Returns
     -------

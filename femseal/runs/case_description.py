@@ -25,7 +25,7 @@ from ..topography import Patches
 #: Number of shortest waves that each side of a cell should contain.
 ADVISED_WAVES = 8
 
-#: Name and text of a line. A line with the name "" belongs to the last line before it that has a name.
+#: Name and text of a line. A line with the name "" continues the last named line before it.
 Line = tuple[str, str]
 
 
@@ -51,7 +51,7 @@ def describe_case(
     Yields
     ------
     name, text : str
-        Name and text of a line. A line with the name "" belongs to the last line before it that has a name.
+        Name and text of a line. A line with the name "" continues the last named line before it.
     """
     scene = prepared.scene
     yield "face", " against ".join(_face_text(face) for face in case.face)
@@ -80,7 +80,7 @@ def describe_case(
 
 
 def _face_text(face: Face) -> str:
-    """Name the files of a measured face, or the kind of a generated face."""
+    """Return the file names of a measured face, or the kind of a generated face."""
     if not isinstance(face, FileFace):
         return face.kind
     return ", ".join(str(patch.path) for patch in face.patches or [face])
@@ -141,7 +141,7 @@ def _coating_text(coating: CoatingTable) -> str:
 
 
 def _strength_text(solid: SolidTable | CoatingTable) -> str:
-    """Return the hardness and the yield stress of a solid or a coating as text, each after a comma."""
+    """Return the hardness and yield stress of a solid or coating as text, each preceded by a comma."""
     text = ""
     for name, value in (("hardness", solid.hardness), ("yield stress", solid.yield_stress)):
         if value is not None:
@@ -150,7 +150,7 @@ def _strength_text(solid: SolidTable | CoatingTable) -> str:
 
 
 def _with_metal(solid: SolidTable | CoatingTable, properties: str) -> str:
-    """Add the name of a known metal, and the source of its data, before the description of its properties."""
+    """Prefix the description of a solid with the name of a known metal and the source of its data."""
     solid_name = (solid.name or "").casefold().strip()
     for name, (_, source) in METALS.items():
         if name.casefold() == solid_name:
@@ -225,7 +225,7 @@ def _filter_text(prepared: Prepared) -> str:
 
 
 def _slip_lines(scene: Scene) -> Iterator[Line]:
-    """Say how much slip increases the flow in a gap as high as the rms height, if the fluid slips."""
+    """If the fluid slips, say by how much slip increases the flow through a gap equal to the rms height."""
     drop = scene.flow.drop
     if drop.law.homogeneous:  # the cubic law
         return

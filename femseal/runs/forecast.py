@@ -57,12 +57,12 @@ class Forecast:
     Parameters
     ----------
     serial_seconds : float
-        Time of the main process for the start, the pictures and the files [s], which does not depend on the number of
-        workers.
+        Time [s] that the main process takes to start up, draw pictures and write files. It does not depend on the
+        number of workers.
     parallel_seconds : float
-        Time for the solutions of contact and flow on one core [s], which is divided by the number of workers. If the
-        case gives no number of realisations, the number is chosen by their scatter during the run, and
-        `parallel_seconds` is the time for the smallest possible number.
+        Time to solve contact and flow on one core [s]; it is divided by the number of workers. If the case does not fix
+        the number of realisations, the run chooses it from their scatter, and `parallel_seconds` is the time for the
+        smallest possible number.
     memory : float
         Memory with one worker [byte].
     most_parallel_seconds : float
@@ -185,7 +185,7 @@ def _memory_line(expected: Forecast) -> str:
 
 
 def _count_face_states(prepared: Prepared) -> int:
-    """Estimate how many contact states of the whole surface are solved."""
+    """Estimate the number of contact states to be solved for the whole surface."""
     sampling = prepared.sampling
     if sampling is None or _keeps_states(prepared):
         return len(prepared.scene.steps)
@@ -206,7 +206,7 @@ def forecast(
     prepared : Prepared
         The prepared case.
     budget_versions : list of Prepared, optional
-        Modified versions of the input that are solved for the error budget; by default the result of `budget_inputs`.
+        Modified cases that the run solves for the error budget; by default the result of `budget_inputs`.
     """
     if budget_versions is None:
         budget_versions = budget_inputs(case, prepared)
@@ -255,7 +255,7 @@ class _Cost(NamedTuple):
 def _study_costs(inputs: list[Prepared], realisations: int) -> list[_Cost]:
     """Estimate the costs of every study of several inputs.
 
-    realisations : number of realisations that is assumed for an input that gives no number of realisations.
+    realisations : number of realisations to assume where an input does not give it.
     """
     costs = []
     for prepared in inputs:
@@ -268,7 +268,7 @@ def _study_costs(inputs: list[Prepared], realisations: int) -> list[_Cost]:
 def refuse_too_large(case: Case, original: Prepared) -> None:
     """Raise InputError if a run is expected to need more memory than the case allows, or than is free.
 
-    original : prepared case with the grid that the case gives, which may be refined to reach an accuracy.
+    original : prepared case on the grid given in the case; the run may refine this grid to reach the required accuracy.
     """
     prepared = original if case.accuracy is None else first_version(case, original)
     if case.memory is not None:
@@ -383,8 +383,8 @@ def _size_without_fields(case: Case, prepared: Prepared) -> float:
 def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     """List all modified versions of the input that may be solved for the error budget.
 
-    The run may solve fewer versions than listed. For example, if an increased hardness hardly changes the leakage, the
-    version with a reduced hardness is not solved.
+    The run may skip some of them. For example, if a higher hardness hardly changes the leakage, the version with a
+    lower hardness is not solved.
     """
     if not case.output.budget:
         return []
@@ -394,10 +394,10 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
 
 
 def _keeps_states(prepared: Prepared) -> bool:
-    """Return whether a study keeps the contact states of the whole surface at all load steps until its end.
+    """Return whether a study stores the whole-surface contact states of all load steps until it ends.
 
-    The contact states are not kept if the only study of the run is a stochastic study with cells at random, because
-    such a study only needs the permeabilities of the cells.
+    They are not stored if the run consists of a single stochastic study with cells at random: such a study only needs
+    the cell permeabilities.
     """
     if prepared.methods != {"stochastic"}:
         return True
@@ -406,7 +406,7 @@ def _keeps_states(prepared: Prepared) -> bool:
 
 
 def _store_size(prepared: Prepared) -> float:
-    """Estimate the size of the results of stages that are stored on disk during the run [byte]."""
+    """Estimate the disk space that the stored results of the stages take up during the run [byte]."""
     scene = prepared.scene
     steps = len(scene.steps)
     peaks = len({*scene.unload_from})

@@ -1,4 +1,4 @@
-"""Run a case: prepare it, solve its studies and write the results folder, or take results that are complete already."""
+"""Run a case: prepare it, solve its studies and write the results folder, or reuse complete results."""
 
 from __future__ import annotations
 
@@ -98,8 +98,8 @@ def run(
         Results folder, which is created if needed. By default, no files are written.
     resume : bool
         Whether to use results that are already in the folder. A stopped run is continued, and its final results are
-        bitwise identical to the results of a run without interruption. The results of a finished run are returned if
-        they are results of the same case, and if the program would choose the same settings again.
+        bitwise identical to the results of a run without interruption. If the folder holds a finished run of the same
+        case, and the program would choose the same settings again, its results are returned.
     workers : int, optional
         Number of processes; by default one process for each core. The results do not depend on the number of processes.
     scheduler : str, optional
@@ -130,8 +130,7 @@ def run(
         - The folder contains the results of a finished run, and `resume` is False.
         - The folder contains the results of a finished run of another case, and `resume` is True.
         - The folder contains an unfinished run, and `resume` is False.
-        - The folder contains an unfinished run of another case, with other face files, or with other versions of
-          packages.
+        - The folder contains an unfinished run that differs in its case, its face files or its package versions.
     FemsealError
         The computation failed as a whole, or a file could not be written. The results of the completed stages stay in
         the folder, and a run with `resume` continues from these results. Single cells that fail raise no error: they
@@ -194,8 +193,7 @@ def run(
 def _identity(case: Case, faces: dict[str, str]) -> dict[str, Any]:
     """Return all data on which the results of a run depend, as nested dictionaries of plain values.
 
-    From the table [output], only the test fluid is included, because all other keys of [output] may be changed before a
-    run is resumed.
+    Of the table [output], only the test fluid is included: all other keys in it may be changed before a run is resumed.
     """
     echo = case.echo()
     echo |= {"output": {"test_fluid": echo["output"].get("test_fluid")}}
@@ -204,9 +202,9 @@ def _identity(case: Case, faces: dict[str, str]) -> dict[str, Any]:
 
 
 def _remove_own_store(folder: Path, identity: dict[str, Any]) -> None:
-    """Remove the stored stages of a finished run from its folder, but no stages that belong to another run.
+    """Remove the stored stages of a finished run from its folder, unless they belong to another run.
 
-    identity : data on which the results of the finished run depend, see `_identity`.
+    identity : data that determine the results of the finished run, see `_identity`.
     """
     with suppress(InputError), alone_in(folder):
         resumable(folder, identity)  # raises InputError for another identity
@@ -325,7 +323,7 @@ def _results(case: Case, original: Prepared, faces: dict[str, str], run: Run) ->
 
 
 def _solve_other_studies(prepared: Prepared, studies: dict[str, Any], run: Run) -> None:
-    """Solve the studies of a prepared case that are missing in `studies`, and add their results by key."""
+    """Solve the studies of a prepared case that are missing from `studies`, and add each result under its key."""
     for study in prepared.solved_studies:
         if study.key not in studies:
             with run.timed(study.name) as mapper:
@@ -338,9 +336,8 @@ def _solve_other_studies(prepared: Prepared, studies: dict[str, Any], run: Run) 
 def _solve_test_fluid(state: FluidState, prepared: Prepared, answer: Any, run: Run) -> OtherLeakage:
     """Compute the leakage of the test fluid through the same seals, by the best method of the run.
 
-    If the permeability is the same for the test fluid and the service fluid, the leakage of the service fluid is
-    multiplied by the ratio of the drops of the pressure potential. If the permeability depends on the fluid, the study
-    of the best method is solved again with the test fluid.
+    If both fluids see the same permeability, the leakage of the service fluid is scaled by the ratio of the two
+    potential drops. If the permeability depends on the fluid, the best method is run again with the test fluid.
 
     answer : result of the best method for the service fluid.
     """
@@ -371,7 +368,7 @@ def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
 def face_files(case: Case) -> dict[str, str]:
     """Return the SHA-256 digest of every file that a case reads, by the path of the file in the case.
 
-    A case reads files of faces and masks, of the seal, of the seat, and of pressure maps.
+    These are the height maps and masks of the faces, the files named for the seal and the seat, and pressure maps.
     """
     digests = {}
     for key, path in case.files():
@@ -419,9 +416,9 @@ def _log_file(folder: Path, append: bool) -> Iterator[None]:
 
 
 def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results | None:
-    """Read the results of a finished run from a folder, provided that a run of the case would give the same results.
+    """Read the results of a finished run from a folder, if running the case now would give the same results.
 
-    Before the results are returned, pictures and tables that the case requests and the folder lacks are written.
+    If the case requests pictures or tables that are not yet in the folder, they are written first.
 
     Parameters
     ----------
