@@ -257,7 +257,7 @@ def cells_of(results: fs.Results) -> tuple[str, np.ndarray, np.ndarray, np.ndarr
 
 
 def up_and_down(results: fs.Results, prefix: str) -> list[np.ndarray]:
-    """Return the steps of the loading, and those of the unloading from the highest peak."""
+    """Return the steps of the loading, and the steps of the unloading from the highest peak."""
     pressure, peaks = (
         results.dataset[f"{prefix}{n}"].values for n in ("nominal_pressure", "unloaded_from")
     )
@@ -437,7 +437,7 @@ def leakage(seals: list) -> Figure:
 
 
 def _path(steps, peak):
-    """Return the steps of the loading up to a peak, and those of the unloading from there."""
+    """Return the steps of the loading up to a peak, and the steps of the unloading from this peak."""
     up = [n for n, s in enumerate(steps) if s.unloaded_from is None and s.pressure <= peak]
     return up, [up[-1], *(n for n, s in enumerate(steps) if s.unloaded_from == peak)]
 

@@ -75,8 +75,8 @@ def global_contact(scene: fs.Scene, cells: tuple[int, int]) -> list[tuple]:
 def window_contact(gap0, raw_gap, body, pressure, hardness, deformation):
     """Solve the contact of a window, and return its gap and its plastic deformation [m].
 
-    If the pressure is 0, the result is the gap between the unfiltered surfaces and the plastic deformation of the
-    filtered contact. The surfaces are moved apart until they do not overlap.
+    If the pressure is 0, no contact is solved. The plastic deformation is then taken from the filtered contact. The gap
+    is computed for the unfiltered surfaces, which are moved apart until they do not overlap.
     """
     if pressure == 0:
         apart = raw_gap + deformation

@@ -41,7 +41,7 @@ FACES = (4, 8)
 def scene(
     plasticity: float, cells: int = 4, loading=LOADING, peaks=PEAKS, unloading=UNLOADING
 ) -> fs.Scene:
-    """Return a scene: a dry surface with a number of cells per side, and its load cycle."""
+    """Return a scene: a dry surface with a given number of cells per side, and its load cycle."""
     n, size = cells * POINTS, cells * CELL
     pixel = CELL / POINTS
     face = fs.self_affine(

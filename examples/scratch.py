@@ -17,8 +17,8 @@ mL/min. A scratch 100 µm wide and 2 µm deep leaks at all of these loads. To pr
 which is more than the hardness of the steel.
 
 The limits found in the test cannot be predicted, because the abstract states neither the roughness and the
-contact pressure of the seat nor the smallest leakage that could be measured. It does not say either whether the
-damage crossed the whole seat. Gas slip is neglected.
+contact pressure of the seat nor the smallest leakage that could be measured. Nor does it say whether the damage
+crossed the whole seat. Gas slip is neglected.
 """
 
 from __future__ import annotations

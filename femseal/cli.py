@@ -166,7 +166,7 @@ def run(
 
 
 def _print_first(kind: str, texts: Sequence[str], folder: Path) -> None:
-    """Print the first warnings or failures of a run, and say where all warnings or failures are listed."""
+    """Print the first warnings or failures of a run, and say where the full list is."""
     for text in texts[:_MOST_PRINTED]:
         typer.echo(f"{kind}: {text}", err=True)
     n_more = len(texts) - _MOST_PRINTED

@@ -284,7 +284,7 @@ def neighbouring_steps(steps: LoadProgramme) -> list[tuple[int, int]]:
 def first_known(leakage: Array) -> int:
     """Return the index of the first load step at which the leakage is known; 0 if the leakage is unknown at all steps.
 
-    An example of an unknown leakage is a load step at which the fluid pressure carries the whole load.
+    The leakage is unknown, for example, at a load step at which the fluid pressure carries the whole load.
 
     leakage : array (steps,), leakage at each load step, NaN if it is unknown.
     """

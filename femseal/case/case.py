@@ -278,7 +278,7 @@ class Case(Table):
                 raise InputError(f"stochastic.{name}", to_text(value, "m"), expected)
 
     def _check_seat(self) -> None:
-        """Raise an InputError if the case has a seat that is not flat, and another table that requires a flat seat.
+        """Raise an InputError if the seat is not flat, but another table of the case requires a flat seat.
 
         With a seat that is not flat, the contact must have a free boundary along x1, and the form must be removed from
         a measured face. The seal must be a strip or a ring, and a pressure map is not allowed.
@@ -394,7 +394,7 @@ class Case(Table):
     def law(self) -> ContactLaw:
         """Contact law of the softer solid. If neither solid yields, the law is elastic.
 
-        If the hardness curves of the two solids cross, the contact law has the lower hardness at each depth.
+        If the hardness curves of the two solids cross, the contact law uses the lower hardness at each depth.
         """
         counter = self.counter_material
         return softer_of(self.material.law, None if counter is None else counter.law)
@@ -425,7 +425,7 @@ class Case(Table):
 
     @property
     def modulus(self) -> float | Bodies:
-        """Contact modulus [Pa]; if one of the two bodies is coated, the pair of bodies."""
+        """Contact modulus [Pa], or the pair of bodies if one of them is coated."""
         return checked_modulus(self.bodies)
 
     def echo(self) -> dict[str, Any]:

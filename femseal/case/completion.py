@@ -5,7 +5,7 @@
 - Former names of keys are replaced by the present names.
 - Tables that are missing, but needed by the chosen methods, are added.
 
-Invalid values are not changed; the validation reports invalid values afterwards.
+Invalid values are left unchanged, because the validation reports them later.
 """
 
 import re
@@ -108,8 +108,8 @@ def _with_tables_for_methods(data: RawTable, warnings: list[str]) -> RawTable:
 
     The default method is "stochastic". If the case asks for an accuracy but describes only a surface, and not a whole
     seal, the default method is "deterministic", and a warning is added. A case describes only a surface if the seal is
-    a strip, and the table [stochastic], which contains the length of the strip, is missing. The method "auto" of
-    earlier versions is replaced by "deterministic".
+    a strip without a length, that is, if the table [stochastic] is missing. The method "auto" of earlier versions is
+    replaced by "deterministic".
     """
     is_strip = data.get("seal", {}).get("kind", "rectangular") == "rectangular"
     has_accuracy = data.get("accuracy") is not None
@@ -181,8 +181,8 @@ def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
     """Convert the pressures of the fluid and the test fluid to absolute pressures, and add properties of named fluids.
 
     Gauge pressures are relative to the `ambient_pressure` in [fluid]. If the table of the test fluid has a key
-    `ambient_pressure`, the value of this key is used for the test fluid. If the table of a fluid contains gauge
-    pressures or an ambient pressure, the default outlet pressure of the fluid is the ambient pressure.
+    `ambient_pressure`, its value is used for the test fluid. If the table of a fluid contains gauge pressures or an
+    ambient pressure, the default outlet pressure of the fluid is the ambient pressure.
     """
     data = dict(data)
     fluid = data.get("fluid")

@@ -302,7 +302,7 @@ class FileFace(MapFile):
         return maps
 
     def _patch(self, patch: MapFile, path: Path) -> FileFace:
-        """Return the table of a patch; keys in the table of the patch replace keys in the table of the face."""
+        """Return the table of a patch, whose keys replace keys in the table of the face."""
         keys = {name: getattr(patch, name) for name in patch.model_fields_set}
         return self.model_copy(update={**keys, "patches": None, "path": path})
 

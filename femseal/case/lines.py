@@ -57,7 +57,7 @@ def _lines_of_keys(text: str) -> Iterator[tuple[str, int]]:
 def likely_meaning(text: str, message: str) -> str:
     """Suggest a correction of the line in which tomllib found an error; return "" if no correction is likely.
 
-    Usual faults are missing quotes around a number with its unit, a decimal comma, and a number such as ".5".
+    Common mistakes are missing quotes around a number with its unit, a decimal comma, and a number such as ".5".
 
     Parameters
     ----------

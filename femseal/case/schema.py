@@ -80,6 +80,6 @@ def _without_null(node: dict[str, Any]) -> dict[str, Any]:
 
 
 def _description(*texts: str | None) -> dict[str, str]:
-    """Join texts, such as the meaning of a key and its possible values, to a description without repeated texts."""
+    """Join texts, such as the meaning of a key and its possible values, into a description without repetitions."""
     different = dict.fromkeys(text for text in texts if text)
     return {"description": "; ".join(different)} if different else {}

@@ -240,8 +240,8 @@ class SolidTable(Table):
     def law(self) -> ContactLaw:
         """The contact law of the solid with its coating.
 
-        For plastic deformations up to the thickness of the coating, the law has the hardness of the coating. For
-        plastic deformations beyond the thickness of the coating, the law has the hardness of the solid.
+        For plastic deformations up to the thickness of the coating, the hardness of the coating applies. For plastic
+        deformations beyond the thickness of the coating, the hardness of the solid applies.
         """
         if self.coating is None:
             return self.law_of_solid

@@ -49,8 +49,8 @@ def key(
     meaning : phrase that explains the key.
     default : value that is used if a case does not have the key; a key without a default is required.
     start : initial value of the key, as TOML text, in the case file that `femseal new` writes.
-    example : value, in TOML, that a file of `femseal new` shows in a comment. By default, the file shows the example of
-        the quantity or, if the quantity has no example, the default value.
+    example : value, in TOML, that `femseal new` writes into a comment. By default, the file shows the example of the
+        quantity or, if the quantity has no example, the default value.
     since : version of femseal in which the key was introduced.
     instead : name of another key of the same table that this key can replace.
     needed : phrase that says when the key is needed, such as "without a `name`".

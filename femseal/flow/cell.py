@@ -185,7 +185,7 @@ class CellFlow:
     ----------
     factor : permeability [m³] of the whole cell divided by the conductance of `flow`.
     flow : flow through the whole cell, with the pressures at the inlet, at the pixel centres and at the outlet.
-    core_ratio : ratio of the permeability of the core to the permeability of the whole cell; 1 without overlaps.
+    core_ratio : permeability of the core divided by the permeability of the whole cell; 1 without overlaps.
     """
 
     factor: float
@@ -260,7 +260,7 @@ class _ScaledCell(NamedTuple):
 
 
 def _scaled(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> _ScaledCell:
-    """Check the gap and the spacing of a cell, and scale the gap and the spacing."""
+    """Check and scale the gap and the spacing of a cell."""
     h, spacing = validated_cell(gap, spacing, axis, sides)
     largest_gap = float(h.max()) or 1.0
     h /= largest_gap

@@ -5,8 +5,8 @@ yields a lower bound (Thomson's principle). The flux of the computed potential i
 node, that is, inflow less outflow, is sent along a spanning tree to the inlet or the outlet. The tree consists of links
 with large conductances. The energy of the correcting flux is a bound of the error.
 
-To save time, the spanning tree connects *runs* of nodes instead of single nodes. A run is a sequence of neighbouring
-nodes in the same row of the grid. Two runs of the same row are separated by a narrow link, that is, a link with a small
+To save time, the spanning tree connects *runs* of nodes and not single nodes. A run is a sequence of neighbouring nodes
+in the same row of the grid. Two runs of the same row are separated by a narrow link, that is, a link with a small
 conductance. The excess of all nodes of a run is collected at one node of the run, and then sent through a link to the
 parent of the run in the tree. Computing the bound takes about as long as a few multigrid iterations.
 """

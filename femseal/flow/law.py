@@ -174,8 +174,8 @@ class CubicLaw(FlowLaw):
 class SlipLength(FlowLaw):
     """Flow law of a liquid that slips on both faces: K = (h³/12)(1 + 6b/h).
 
-    slip_length : slip length b >= 0 [m], defined by u = b ∂u/∂n at a face, with the velocity u of the fluid and the
-        distance n from the face.
+    slip_length : slip length b >= 0 [m], defined by u = b ∂u/∂n at a face, where u is the velocity of the fluid and n
+        the distance from the face.
 
     Source: Navier's condition; Lauga, Brenner & Stone, Springer Handbook of Experimental Fluid Mechanics, 2007, 1219.
     """

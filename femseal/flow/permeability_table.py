@@ -8,8 +8,8 @@ faces may open from one pressure to the next.
 
 The polynomial was tested for the flow of helium through rough gaps of 10 nm to 10 µm. The error of the flow is at most
 0.1 % if the polynomial has six Chebyshev points over three decades of pressure, or four points over one decade. Between
-parallel plates, the error is at most 0.5 %. It is larger because the small jumps of Q(D) (see `flow.law.flow_rate`) are
-not averaged over different gaps.
+parallel plates, the error is at most 0.5 %. It is larger than for rough gaps because the small jumps of Q(D) (see
+`flow.law.flow_rate`) are not averaged over different gaps.
 """
 
 from __future__ import annotations

@@ -109,10 +109,10 @@ class Rectangles:
         """Solve the flow for a unit potential drop.
 
         The flow is solved in the network of corners and in the network of centres. The conductance of each network is
-        equal to the energy Σ c (Δφ)² of its potential φ. The conductance of the network of corners is an upper bound of
-        the conductance of the seal, and the conductance of the network of centres is a lower bound. The two networks
-        are duals of each other, so the errors in the logarithms of their conductances are about equal and opposite. The
-        result is therefore the geometric mean of the two conductances.
+        equal to the energy Σ c (Δφ)² of its potential φ. The network of corners gives an upper bound of the conductance
+        of the seal, and the network of centres a lower bound. The two networks are duals of each other, so the errors
+        in the logarithms of their conductances are about equal and opposite. The result is therefore the geometric mean
+        of the two conductances.
 
         Parameters
         ----------

@@ -4,14 +4,14 @@ After one turn around the seal, whose circumference is C, a groove has advanced 
 another groove of the face. If the face covers a full turn, the pressure p therefore satisfies
 p(x1, x2 + C) = p(x1 + lead, x2).
 
-A face may also cover only a part of a turn, L2 < C. The pressure drop along a groove of the length L2 is the fraction w
-= L2/C of the pressure drop along a full turn of the groove. The seam is the line between the last column of the face
-and the first column. The pressure drop over a link of the seam is p(x1, L2) − p(x1, 0) + w (P − P₊). P is the mean of
-the pressure p(x1, 0) over the rows x1 of a groove. P₊ is the mean of the pressure p(x1, 0) over the rows of the next
-groove, which lies one lead further along x1. With this pressure drop over the seam, the matrix remains symmetric. The
-fraction w of the flux that leaves a groove over the seam enters the next groove. If the lands between the grooves are
-closed, the permeability of the face along x1 is k22 tan²α, where tan α = lead/C and k22 is the permeability along x2.
-Grooves begin at the inlet and end at the outlet.
+A face may also cover only a part of a turn, L2 < C. The pressure drop along a groove of length L2 is the fraction w =
+L2/C of its pressure drop along a full turn. The seam is the line between the last column of the face and the first
+column. The pressure drop over a link of the seam is p(x1, L2) − p(x1, 0) + w (P − P₊). P is the mean of the pressure
+p(x1, 0) over the rows x1 of a groove. P₊ is the mean of the pressure p(x1, 0) over the rows of the next groove, which
+lies one lead further along x1. With this pressure drop over the seam, the matrix remains symmetric. The fraction w of
+the flux that leaves a groove over the seam enters the next groove. If the lands between the grooves are closed, the
+permeability of the face along x1 is k22 tan²α, where tan α = lead/C and k22 is the permeability along x2. Grooves begin
+at the inlet and end at the outlet.
 
 Source: Geoffroy & Prat, J. Fluids Eng. 126, 2004, 48.
 """

@@ -225,7 +225,7 @@ def _pixel_ratio(stencil: Stencil) -> float:
 def _solve_by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
     """Solve the flow by star-mesh elimination.
 
-    The conductance is the result of the elimination, because it is more accurate than the energy of the potential.
+    The conductance is taken from the elimination, because it is more accurate than the energy of the potential.
     """
     φ, ψ = np.zeros((2, *keep.shape))
     φ[0] = 1.0

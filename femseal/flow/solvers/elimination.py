@@ -124,10 +124,10 @@ def _list_links(order, along, across, φ):
 def _nested_dissection(unknown, ring):
     """Order the nodes of a grid by nested dissection.
 
-    Each box of the grid is divided into two halves by a front, which consists of the nodes of one row or column: the
-    row or column near the middle of the box that has the fewest nodes. The two halves are only connected through
-    the front, which is eliminated after all nodes of the two halves. The elimination of a front creates new links. They
-    are added to the parent of the front, which is the front of the next larger box.
+    Each box of the grid is divided into two halves by a front. The front consists of the nodes of the row or column
+    near the middle of the box that has the fewest nodes. The two halves are only connected through the front, which is
+    eliminated after all nodes of the two halves. The elimination of a front creates new links. They are added to the
+    parent of the front, which is the front of the next larger box.
 
     Returns
     -------

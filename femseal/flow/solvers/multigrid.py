@@ -232,8 +232,8 @@ def _judge(iteration, state, history, share, settings):
     share : if a rigorous error bound is computed afterwards, the iteration stops when the estimated error falls below
         this fraction of the tolerance.
 
-    Returns the estimated error, whether the iteration has converged, and whether it has to be given up because it would
-    need more than `limit` iterations.
+    Returns the estimated error, whether the iteration has converged, and whether it should be abandoned because it
+    would need more than `limit` iterations.
     """
     rz, largest, unbalanced, rate = state
     rtol, field, limit = settings.rtol, settings.field, settings.limit
