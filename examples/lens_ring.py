@@ -2,8 +2,8 @@
 ===========
 
 The crown of a turned ring is pressed against a cone. The radius of the crown determines the width of the contact band,
-and therefore the leakage under a given force. On a rough crown, the contact band is wider than on a smooth crown, for
-which Hertz's theory gives the width.
+and therefore the leakage under a given force. On a rough crown, the contact band is wider than on a smooth crown. For a
+smooth crown, Hertz's theory gives the width.
 """
 
 from __future__ import annotations

@@ -3,8 +3,9 @@
 
 This script computes the leakage of a seal by the method of Pérez-Ràfols, Larsson, van Riet and Almqvist (2018). In the
 paper, the permeabilities of a random seal are chosen at random at the highest load. For the other loads, they are
-extrapolated step by step with randomly chosen derivatives with respect to the pressure. The script compares the leakage
-with that of the surface at full resolution, and with that of the stochastic seals of femseal.
+extrapolated step by step with randomly chosen derivatives with respect to the pressure. The script compares this
+leakage with the leakage of the surface at full resolution, and with the leakage of stochastic seals computed by
+femseal.
 """
 
 from __future__ import annotations
@@ -75,8 +76,8 @@ def global_contact(scene: fs.Scene, cells: tuple[int, int]) -> list[tuple]:
 def window_contact(gap0, raw_gap, body, pressure, hardness, deformation):
     """Solve the contact of a window, and return its gap and its plastic deformation [m].
 
-    If the pressure is 0, no contact is solved. The plastic deformation is then taken from the filtered contact. The gap
-    is computed for the unfiltered surfaces, which are moved apart until they do not overlap.
+    If the pressure is 0, no contact is solved, and the plastic deformation does not change. The deformation is added to
+    the gap of the unfiltered surfaces, which are then moved apart until they do not overlap.
     """
     if pressure == 0:
         apart = raw_gap + deformation

@@ -259,9 +259,9 @@ def wavy_gap_across(gap: float, amplitude: float) -> float:
 def large_gap(mean_gap: ArrayLike, rms: float) -> Array:
     """Return the permeability (h̄³/12)(1 − 3σ²/2h̄²) [m³] of an isotropic rough gap, to second order in σ/h̄.
 
-    Ridges of the rms height σ increase the permeability along the ridges by the fraction 3σ²/h̄², and decrease the
-    permeability across the ridges by the fraction 6σ²/h̄². For isotropic roughness, the relative change of the
-    permeability is the mean of +3σ²/h̄² and −6σ²/h̄². Source: Elrod, J. Lubr. Technol. 101, 1979, 8.
+    Ridges of the rms height σ increase the permeability along the ridges by the fraction 3σ²/h̄², and decrease it
+    across the ridges by the fraction 6σ²/h̄². For isotropic roughness, the relative change of the permeability is the
+    mean of +3σ²/h̄² and −6σ²/h̄². Source: Elrod, J. Lubr. Technol. 101, 1979, 8.
 
     Parameters
     ----------

@@ -148,7 +148,7 @@ class LoadProgramme(tuple[LoadStep, ...]):
 
     @property
     def peak_indices(self) -> Indices:
-        """Index of the loading step at the peak load from which each step is unloaded, (steps,).
+        """Index of the loading step at the peak from which each step is unloaded, (steps,).
 
         The entry for a loading step is the index of the step itself.
         """
@@ -230,7 +230,7 @@ def relaxed(pressure: float, relaxation: float) -> float:
 
 
 def _rounded(pressure: float) -> float:
-    """Round a pressure to 12 digits, so that a computed pressure can be equal to a pressure that was given as text."""
+    """Round a pressure to 12 digits, so that a computed pressure can be equal to a pressure given as text."""
     return float(f"{pressure:.12g}")
 
 
@@ -269,8 +269,8 @@ def load_sensitivity(steps: LoadProgramme, leakage: Array) -> Array:
 def neighbouring_steps(steps: LoadProgramme) -> list[tuple[int, int]]:
     """List the index of each step together with the index of the previous step in the same branch of the load cycle.
 
-    For the first step of an unloading, the previous step is the loading step at the peak load. The first loading step,
-    which has no previous step, is not listed.
+    The first step of an unloading follows the loading step at the peak load. The first loading step, which has no
+    previous step, is not listed.
     """
     pairs = []
     for branch in steps.branches:

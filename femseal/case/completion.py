@@ -182,7 +182,7 @@ def _with_complete_fluids(data: RawTable, warnings: list[str]) -> RawTable:
 
     Gauge pressures are relative to the `ambient_pressure` in [fluid]. If the table of the test fluid has a key
     `ambient_pressure`, its value is used for the test fluid. If the table of a fluid contains gauge pressures or an
-    ambient pressure, the default outlet pressure of the fluid is the ambient pressure.
+    ambient pressure, its outlet pressure is the ambient pressure by default.
     """
     data = dict(data)
     fluid = data.get("fluid")
@@ -206,8 +206,7 @@ def _with_absolute_pressures(fluid: RawTable, table_key: str, ambient: float | N
     ----------
     fluid : table of the fluid.
     table_key : key of the table in the case.
-    ambient : ambient pressure [Pa] of the case, used if the table of the fluid has no ambient pressure; None if the
-        case has no ambient pressure.
+    ambient : ambient pressure [Pa] of the case, used if the table of the fluid has none; None if it is not given.
     """
     ambient = unvalidated_value(fluid, "ambient_pressure", "Pa", ambient)
     keys = [key for key in ("inlet_pressure", "outlet_pressure") if key in fluid]
@@ -297,7 +296,7 @@ def _with_dynamic_viscosity(
     ----------
     fluid : table of the fluid.
     table_key : key of the table in the case.
-    named_density : density of the named fluid [kg/m³], used if the table has no density; None if the fluid has no name.
+    named_density : density of the named fluid [kg/m³], used if the table gives none; None if the fluid has no name.
 
     Raises
     ------

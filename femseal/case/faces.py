@@ -1,7 +1,7 @@
 """Define the tables [face] and [surface] of a case.
 
-[face] describes a rough surface, generated or measured; [surface] describes how the sum of the surfaces is conditioned.
-To add a kind of face, write a table with the methods `maps` and `make`, and add it to `Face`.
+[face] describes a rough surface, generated or measured. [surface] describes how the sum of both surfaces is
+conditioned. To add a kind of face, write a table with the methods `maps` and `make`, and add it to `Face`.
 """
 
 from __future__ import annotations

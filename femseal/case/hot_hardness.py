@@ -1,4 +1,4 @@
-"""Warn if the fluid is hot, but the hardness of a solid is that of a named metal at room temperature."""
+"""Warn if the fluid is hot, but a solid has the hardness of a named metal at room temperature."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _STRENGTHS = ("yield_stress", "hardness_table", "hardness_over_yield")
 
 
 def hot_hardness_warnings(data: dict[str, Any]) -> Iterator[str]:
-    """Warn about solids whose hardness is that of a named metal at room temperature, although the fluid is hot.
+    """Warn about solids with the hardness of a named metal at room temperature, although the fluid is hot.
 
     data : tables of a case before they are completed and validated. Invalid values are ignored.
     """

@@ -208,7 +208,7 @@ class SolidTable(Table):
 
     @property
     def solid(self) -> Solid:
-        """The solid; with a hardness table, the hardness of the solid is the hardness in the first row."""
+        """The solid. With a hardness table, its hardness is the value in the first row."""
         rows = self.hardness_table
         hardness = rows[0][1] if rows else self.hardness
         ratio = self.hardness_over_yield

@@ -204,7 +204,7 @@ def files_in(table: Table, table_key: str = "") -> Iterator[tuple[str, Path]]:
 
 
 def makers_in(table: Table) -> Iterator[Callable[..., Any]]:
-    """Yield the functions or classes that create the objects of a table and of all tables inside the table."""
+    """Yield the functions or classes that create the objects of a table and of the tables inside it."""
     if isinstance(table, ParameterTable):
         yield table.makers[table.kind]
     for _name, value in table:

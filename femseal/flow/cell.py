@@ -120,7 +120,7 @@ def cell_permeability(
     axis : direction of the flow, 0 for x1 or 1 for x2.
     sides : "mirror" (no flow through the sides) or "periodic".
     rtol : largest relative error of the permeability that an iterative solver may leave. The relative error of the
-        pressure is about √rtol, because the error of the permeability is the square of the error of the pressure.
+        pressure is about √rtol, because its square is the error of the permeability.
     solver : "auto", or the name of a solver. "multigrid" and "elimination" are the fast solvers, see
         `femseal.flow.solve_flow`. "amg" (pyamg) and "direct" (factorisation) solve the matrix that scikit-fem
         assembles; they give the same permeability, but take many times as long as the fast solvers.
@@ -273,7 +273,7 @@ def pixel_dissipation(
     """Compute the dissipation in each pixel for a flow along x1 through a cell with periodic sides.
 
     Half of the dissipation in a link between two pixels is assigned to each of the two pixels. A link to the inlet or
-    the outlet has only one pixel, to which the whole dissipation in the link is assigned.
+    the outlet has only one pixel, and its whole dissipation is assigned to this pixel.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Compute the flux in the core of a cell, that is, in the cell without its overlaps into neighbouring cells.
+"""Compute the flux in the core of a cell, that is, without its overlaps into neighbouring cells.
 
 A cell is solved together with its overlaps (oversampling), so that fluid can leave the core through the sides and come
 back. Only the flux inside the core counts for the permeability. For a uniform gap and for parallel grooves, overlaps do

@@ -7,8 +7,8 @@ with large conductances. The energy of the correcting flux is a bound of the err
 
 To save time, the spanning tree connects *runs* of nodes and not single nodes. A run is a sequence of neighbouring nodes
 in the same row of the grid. Two runs of the same row are separated by a narrow link, that is, a link with a small
-conductance. The excess of all nodes of a run is collected at one node of the run, and then sent through a link to the
-parent of the run in the tree. Computing the bound takes about as long as a few multigrid iterations.
+conductance. The excess of all nodes of a run is collected at one of them, and then sent through a link to the parent of
+the run in the tree. Computing the bound takes about as long as a few multigrid iterations.
 """
 
 from __future__ import annotations
@@ -153,8 +153,8 @@ def _joints(along, across, run):
 
     The joint of two runs in adjacent rows is the link with the largest conductance between the two runs. Two adjacent
     runs in the same row are joined by the narrow link that separates them. Run 0 represents the inlet and the outlet.
-    For an array `along` of the shape (n1, n2), link (i, j) of `along` has the number i n2 + j, and link (i, j) of
-    `across` has the number n1 n2 + i n2 + j.
+    For an array `along` of the shape (n1, n2), link (i, j) of `along` has the number i n2 + j. Link (i, j) of `across`
+    has the number n1 n2 + i n2 + j.
 
     Returns
     -------

@@ -63,7 +63,7 @@ class Stencil:
     """A network of links between neighbouring nodes of a grid.
 
     Conductances may have any unit. The matrix of the network is symmetric. The row of a node has five entries: the
-    negative conductances of the four links of the node, and the sum of the four conductances on the diagonal.
+    negative conductances of its four links, and the sum of these conductances on the diagonal.
 
     Attributes
     ----------

@@ -298,7 +298,7 @@ class MeshOperators:
         Returns
         -------
         Corrected fluxes out of the elements, in the shape of `flux`; and corrected flux through each facet of the mesh,
-        counted as positive out of the first element of the facet.
+        positive if it leaves the first element of the facet.
         """
         mesh = self.mesh
         facets = system.dofs
@@ -327,7 +327,7 @@ class MeshOperators:
         """Return the potential of each vertex that carries no flow.
 
         The potential is 1 at vertices that are connected to the inlet only, 0 at vertices that are connected to the
-        outlet only, and NaN at vertices that are connected to neither.
+        outlet only, and NaN in pockets, which are connected to neither.
         """
         mesh = self.mesh
         potential = np.full(mesh.nvertices, np.nan)
@@ -470,8 +470,7 @@ def _energy_and_flux(local: Array, solution: LinearSolution, dofs: Indices) -> t
 def _imbalance(rates: Array, energy: float) -> float:
     """Compute the relative imbalance of a flow.
 
-    The imbalance is the larger value of |inflow − outflow| and |inflow − energy|, divided by the larger value of inflow
-    and energy.
+    The imbalance is the larger of |inflow − outflow| and |inflow − energy|, divided by the larger of inflow and energy.
 
     rates : flow rate into the mesh through the inlet, and flow rate into the mesh through the outlet.
 

@@ -131,8 +131,7 @@ class Connected:
     Attributes
     ----------
     carrying : numbers of the elements that are connected to two or more boundaries and can carry flow.
-    at_one_boundary : for each boundary, the numbers of the elements that are connected to this boundary and to no other
-        boundary.
+    at_one_boundary : for each boundary, the numbers of the elements that are connected to this boundary only.
     is_joined : flags (boundaries,), whether open elements connect each boundary to another boundary.
     """
 
@@ -146,9 +145,9 @@ def connected_elements(
 ) -> Connected:
     """Find the elements that are connected to each of the boundaries in `ends`.
 
-    Two elements are connected if they share a facet, and each of the two elements can carry flow across the facet, that
-    is, n·Kn > 0 for the normal n of the facet. With `through_corners`, two elements that are open in all directions are
-    also connected if they share only a vertex.
+    Two elements are connected if they share a facet and both can carry flow across it, that is, n·Kn > 0 for the normal
+    n of the facet. With `through_corners`, two elements that are open in all directions are also connected if they
+    share only a vertex.
     """
     # The nodes of the graph are elements, facets, vertices and boundaries, numbered in this order.
     first_facet = mesh.nelements

@@ -63,10 +63,9 @@ def nodes_reached(along: Array, across: Array, least: float = 0.0) -> NDArray[np
 
     Returns
     -------
-    Array (n1 + 1, n2) with the value 0 for nodes that are connected neither to the inlet nor to the outlet, 1 for nodes
-    that are connected to the inlet only, 2 for nodes that are connected to the outlet only, and 3 (`BOTH_ENDS`) for
-    nodes that are connected to both. A dead end that branches off a path from inlet to outlet has the value 3, although
-    it carries no flow.
+    Array (n1 + 1, n2). The value of a node is 0 if it is connected neither to the inlet nor to the outlet, 1 if it is
+    connected to the inlet only, 2 if to the outlet only, and 3 (`BOTH_ENDS`) if to both. A dead end that branches off a
+    path from inlet to outlet has the value 3, although it carries no flow.
     """
     n1, n2 = along.shape
     label = np.empty((n1 + 1, n2), np.int32)

@@ -3,8 +3,8 @@
 Examples are the permeability for a rarefied gas, and the permeability of faces that the fluid pressure separates. The
 permeability k is computed at a few pressures p, and ln k is interpolated between these pressures. For a rarefied gas,
 ln k is a single polynomial in ln p, whose slope is between −1 (free-molecular flow) and 0 (viscous flow). For faces
-that the fluid pressure separates, ln k is interpolated linearly between adjacent pressures, because closed parts of the
-faces may open from one pressure to the next.
+that the fluid pressure separates, ln k is interpolated linearly between adjacent pressures, because parts of the faces
+that are closed at one pressure may open at the next.
 
 The polynomial was tested for the flow of helium through rough gaps of 10 nm to 10 µm. The error of the flow is at most
 0.1 % if the polynomial has six Chebyshev points over three decades of pressure, or four points over one decade. Between
@@ -257,7 +257,7 @@ class PressureCurve:
 
         Returns
         -------
-        Array of ln k, and flags of the elements whose permeability is interpolated linearly.
+        Array of ln k, and flags of the elements in which the permeability is interpolated linearly.
         """
         low, high = self._knots[upper - 1], self._knots[upper]
         weight = np.clip((p - low) / (high - low), 0.0, 1.0)

@@ -7,8 +7,8 @@ the same permeability.
 The unknowns are the pressures at the pixel centres. The corners of each bilinear element (Q1) are four pixel centres.
 The elements at the inlet and the outlet, where the pressure is prescribed, have only half the length of a pixel. The
 elements at mirrored sides have only half the width of a pixel. The weak form is integrated at the midpoints of the
-element edges, with K11 at the midpoint of each edge along x1 and K22 at the midpoint of each edge along x2.
-`gap_on_links` interpolates the gap at the midpoints of the edges.
+element edges: K11 is given on the edges along x1, and K22 on the edges along x2. `gap_on_links` interpolates the gap at
+the midpoints of the edges.
 """
 
 from __future__ import annotations
@@ -106,8 +106,8 @@ def solve_plain(
 
     Returns
     -------
-    DarcyFlow. The array `potential` (n1 + 2, n2) contains the pressures at the inlet in the first row, the pressures at
-    the pixel centres in the following n1 rows, and the pressures at the outlet in the last row.
+    DarcyFlow. The array `potential` (n1 + 2, n2) contains the pressures at the inlet (first row), at the pixel centres
+    (the next n1 rows) and at the outlet (last row).
 
     Raises
     ------

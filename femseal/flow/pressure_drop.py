@@ -1,4 +1,4 @@
-"""Describe the pressure drop of a fluid, and solve flows −K(h, p) (ρ/η) ∇p whose permeability depends on the pressure.
+"""Describe the pressure drop of a fluid, and solve flows −K(h, p) (ρ/η) ∇p with a pressure-dependent permeability.
 
 The permeability is K = (h³/12) F(h, p). The potential ψ of a reference gap h₀ is defined by dψ = F(h₀, p) (ρ/η) dp. The
 flux is then −k ∇ψ with the permeability k = (h³/12) F(h, p)/F(h₀, p). The flow is solved by a fixed-point iteration:
@@ -109,8 +109,8 @@ class PressureDrop:
     def of_fluid(cls, fluid: FlowingFluid, inlet: float, outlet: float) -> PressureDrop:
         """Make the pressure drop of a fluid between an inlet and an outlet pressure [Pa].
 
-        If the flow law does not depend on the pressure, the permeability is the same at all pressures, and a pressure
-        drop from 1 to 0 is returned instead of the given pressure drop.
+        If the flow law does not depend on the pressure, the permeability is the same at all pressures. A pressure drop
+        from 1 to 0 is then returned instead of the given one.
         """
         law = law_of(fluid)
         if not law.depends_on_pressure:
@@ -215,7 +215,7 @@ class PressureDrop:
     def mobility(self) -> Mobility:
         """Derivatives dφ/dp and dψ/dp [s/m²] at pressures from the outlet pressure to the inlet pressure.
 
-        For pressures below `least_pressure`, the derivatives are computed at `least_pressure`.
+        Below `least_pressure`, the derivatives at `least_pressure` are used.
         """
         tabulated = self._table.p
         p = np.maximum(tabulated, self.least_pressure)

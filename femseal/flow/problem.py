@@ -106,7 +106,7 @@ class DarcyFlow:
     conductance : flow rate for the unit potential drop, in the unit of the permeability (m³). The conductance is equal
         to the energy that the flow dissipates.
     potential : array with the potential at the nodes of the grid or the mesh. The potential is 1 at nodes that are only
-        connected to the inlet, 0 at nodes that are only connected to the outlet, and NaN at nodes in pockets, which are
+        connected to the inlet, 0 at nodes that are only connected to the outlet, and NaN in pockets, which are
         connected to neither.
     complement : 1 − potential. The solver "elimination" computes the complement separately, so that even a very small
         complement has a small relative error.

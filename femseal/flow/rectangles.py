@@ -8,9 +8,9 @@ principal axes of the permeabilities are x1 and x2. Two solutions enclose the ex
   elements, integrated at the midpoints of their edges, have the same energy as linear elements on right triangles. The
   flow through the network of corners is therefore an upper bound.
 - *centres*: the flux is continuous, and the pressures at the centres of the rectangles are the unknowns. A link between
-  two centres consists of half of each rectangle in series, so that its conductance is the harmonic mean of the
-  conductances of the two rectangles. The links are equivalent to lowest-order Raviart-Thomas fluxes, integrated at the
-  corners. The flow through the network of centres is therefore a lower bound.
+  two centres consists of half of each rectangle in series. Its conductance is therefore the harmonic mean of the two
+  conductances. The links are equivalent to lowest-order Raviart-Thomas fluxes, integrated at the corners. The flow
+  through the network of centres is therefore a lower bound.
 
 The computed flow Q is √(lower bound × upper bound). The network of corners and the network of centres are duals of each
 other. If the distribution of ln k is symmetric, the errors of the two networks in ln Q are therefore equal and

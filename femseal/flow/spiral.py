@@ -1,8 +1,8 @@
 """Compute the flow along x1 through a face with spiral grooves, which advance by the lead in each turn of the seal.
 
-After one turn around the seal, whose circumference is C, a groove has advanced along x1 by the lead, and continues in
-another groove of the face. If the face covers a full turn, the pressure p therefore satisfies
-p(x1, x2 + C) = p(x1 + lead, x2).
+After one turn around the seal (of circumference C), a groove has advanced along x1 by the lead, and continues in
+another groove of the face. If the face covers a full turn, the pressure p therefore satisfies p(x1, x2 + C) = p(x1 +
+lead, x2).
 
 A face may also cover only a part of a turn, L2 < C. The pressure drop along a groove of length L2 is the fraction w =
 L2/C of its pressure drop along a full turn. The seam is the line between the last column of the face and the first
@@ -50,7 +50,7 @@ class _SeamLink(NamedTuple):
     """A link over the seam, from the last column of a face to the first column.
 
     conductance : conductance of the link.
-    weights : dictionary of factors w_i, whose keys are the numbers i of nodes. The potential drop over the link is the
+    weights : dictionary of the factors w_i; its keys are the node numbers i. The potential drop over the link is the
         sum Σ w_i φ_i over the potentials φ_i of the nodes.
     """
 

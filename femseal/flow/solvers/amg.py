@@ -1,7 +1,7 @@
 """Solve sparse linear systems of flow problems by conjugate gradients with the algebraic multigrid of pyamg.
 
 Ruge–Stüben multigrid is the preconditioner. The interpolation of Ruge–Stüben multigrid preserves constants if the rows
-of the matrix sum to zero. The matrix is therefore not scaled to unit diagonal: the rows of the scaled matrix would not
+of the matrix sum to zero. The matrix is therefore not scaled to unit diagonal. The rows of the scaled matrix would not
 sum to zero, and with strongly varying permeabilities the iteration would take ten times as long or diverge. The
 coarsening has a second pass, which is also needed to preserve constants. Some finite elements have positive
 off-diagonal entries; only negative off-diagonal entries count as strong couplings.

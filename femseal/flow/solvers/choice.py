@@ -76,13 +76,12 @@ def solve_flow(
         outlet.
     rtol : largest relative error of the conductance that an iterative solver may leave.
     solver : "multigrid", "elimination" or "auto". The solver "multigrid" uses conjugate gradients with a multigrid
-        preconditioner. The solver "elimination" uses star-mesh elimination, whose relative error is small even if the
+        preconditioner. The solver "elimination" uses star-mesh elimination. Its relative error is small even if the
         conductances differ by a factor of 1e150. "auto" chooses multigrid for large networks with smooth conductances;
         it chooses elimination for other networks, and if multigrid fails. `DarcyFlow.solver` names the solver that was
-        used.
-        For elongated pixels, with one side more than 3.5 times as long as the other side, multigrid is slow and may
-        miss a part of the error. Networks with elongated pixels are solved by elimination if they have up to 5 million
-        open nodes. If a network with elongated pixels has more open nodes, the error of multigrid is bounded
+        used. For elongated pixels, with one side more than 3.5 times as long as the other side, multigrid is slow and
+        may miss a part of the error. Networks with elongated pixels are solved by elimination if they have up to 5
+        million open nodes. If a network with elongated pixels has more open nodes, the error of multigrid is bounded
         rigorously. Some nodes are connected to the inlet and the outlet only by paths with very narrow links (less than
         1e-8 of the largest conductance). After multigrid, their potentials are computed by elimination.
     field_rtol : largest relative error of the potential in the energy norm; None if only the conductance is needed. The
@@ -331,7 +330,7 @@ def _check_balance(
     keep : flags (n1 + 1, n2) of the nodes that carry flow; at all other nodes, the potential is set to NaN.
     potentials : array with the potential φ at the nodes, and array with the complement ψ = 1 − φ.
     statistics : solver, number of iterations and estimated error of the solution.
-    conductance : conductance that the solver has computed; by default, the energy of φ is used as the conductance.
+    conductance : conductance that the solver has computed; by default, the energy of φ is used.
     allowed : largest relative difference between inlet and outlet flow.
 
     Raises

@@ -35,8 +35,8 @@ _fast: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contra
 def eliminate(stencil: Stencil, unknown: Flags, φ: Array, ψ: Array) -> float:
     """Solve for the potentials of some nodes, given the potentials of all other nodes.
 
-    A link with the conductance c to a node of known potential φ is replaced by two links: a link to the inlet with the
-    conductance φ c, and a link to the outlet with the conductance (1 − φ) c.
+    A link with the conductance c to a node of known potential φ is replaced by two links: one to the inlet with the
+    conductance φ c, and one to the outlet with the conductance (1 − φ) c.
 
     Parameters
     ----------

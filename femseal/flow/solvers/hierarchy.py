@@ -71,9 +71,9 @@ class Coarsest(NamedTuple):
 
     number : array (n1, n2), position of each node in the order of elimination.
     band : array (≥ n, width), conductances of the links from each node to the `width` nodes that are eliminated next,
-        at the time when the node is eliminated.
-    inverse : array (n,), 1/Σc for each node, with the conductances c of the links in `band` and of the links to inlet
-        and outlet; 0 for a node without links.
+        as they are when the node is eliminated.
+    inverse : array (n,), 1/Σc for each node, where c are the conductances of its links in `band` and to inlet and
+        outlet; 0 for a node without links.
     """
 
     number: Indices
@@ -332,8 +332,8 @@ def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
 def _wrap_weights(w, i, fine_row):
     """Copy the weights of the coarse nodes in row i of a ring to the border at the opposite side.
 
-    fine_row : index of the weights for a fine row: 0 for the fine row above the coarse nodes, 1 for the row of the
-        coarse nodes, 2 for the row below.
+    fine_row : index of the weights for a fine row: 0 for the row above the coarse nodes, 1 for their own row, 2 for the
+        row below.
     """
     m2 = w.shape[1] - 2
     for b in range(3):
@@ -452,7 +452,7 @@ def levels_of_operator(fine, ring):
 
 @leader(**REORDERED)
 def coarser_shape(n1, n2):
-    """Compute the shape of the next coarser level from the shape of a level; each shape includes the border."""
+    """Compute the shape of the next coarser level from the shape of a level; both include the border."""
     return (n1 + 1) // 2 + 1, (n2 + 1) // 2 + 1
 
 

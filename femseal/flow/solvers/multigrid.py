@@ -389,7 +389,7 @@ def _prolong(first, end, x, coarse, w, ring):
     """Add the interpolated correction to x: compute x += P coarse for some rows of the finer grid.
 
     The coarse node (ci, cj) is the fine node (2 ci − 1, 2 cj − 1). The value of the coarse node times `w[ci, cj,
-    fine_row, fine_column]` is added to each of the 3 × 3 fine nodes around the coarse node, see `Level.weights`.
+    fine_row, fine_column]` is added to each of the 3 × 3 fine nodes around it, see `Level.weights`.
     """
     for i in range(first, end):
         # An odd fine row i contains coarse nodes, of coarse row (i + 1) / 2. An even fine row i lies between the coarse
