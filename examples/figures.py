@@ -500,7 +500,7 @@ def main() -> None:
     results = fs.open_results(options.results)
     case = fs.load_case(options.case) if options.case else None
     if case is not None and results.case != case.echo():
-        raise fs.InputError("case", f"'{options.case}'", "the case of the results")
+        raise fs.InputError("case", f"'{options.case}'", "the case that produced these results")
     options.out.mkdir(parents=True, exist_ok=True)
     drawings = {
         "0_face": lambda: face_and_leakage(results),

@@ -74,7 +74,7 @@ def read_case(path: str | PathLike[str]) -> tuple[dict[str, Any], Path]:
     try:
         # a pipe or a device may have no end
         if path.exists() and not path.is_file():
-            raise InputError("case", f"'{path}', which is no file", "a TOML file")
+            raise InputError("case", f"'{path}', which is not a file", "a TOML file")
         with path.open("rb") as file:
             content = file.read(_LARGEST_FILE + 1)
     except OSError as error:

@@ -108,9 +108,9 @@ def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
         change = step * np.where(turns_back, 0.5, 1.0) * (next_u - u)
         u = u + change
     raise NotConverged(
-        f"contact: after {_MOST_TANGENTS} contacts with tangents of the curved law, the relative difference between "
-        f"pressure and law is still {mismatch:.1e}, wanted {rtol:.1e}; try a law that softens less, such as a smoother "
-        "table or a larger smallest depth, or a finer grid",
+        f"contact: after {_MOST_TANGENTS} linearisations of the contact law, the relative difference between the "
+        f"pressure and the law is still {mismatch:.1e}, wanted {rtol:.1e}; try a law that softens less, such as a "
+        "smoother table or a larger smallest depth, or a finer grid",
         mismatch,
     )
 

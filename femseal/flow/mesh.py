@@ -485,7 +485,7 @@ def _imbalance(rates: Array, energy: float) -> float:
     if not imbalance <= _MAX_IMBALANCE:
         raise NotConverged(
             f"flow: the flow rates at inlet and outlet differ by {imbalance:.1e}, expected {_MAX_IMBALANCE:.0e}; "
-            "try a smaller contrast of the permeability",
+            "try a smaller permeability contrast",
             imbalance,
         )
     return imbalance

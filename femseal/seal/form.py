@@ -104,8 +104,10 @@ class WavyForm:
     def __post_init__(self) -> None:
         check_parameters(self)
         if (self.lobes is None) == (self.wavelength is None):
-            given = "neither" if self.lobes is None else "both"
-            raise InputError("lobes", f"{given} of lobes and wavelength", "exactly one of them")
+            given = "neither lobes nor wavelength"
+            if self.lobes is not None:
+                given = "both lobes and wavelength"
+            raise InputError("lobes", given, "exactly one of them")
         if self.lobes is not None:
             object.__setattr__(self, "lobes", validate.count("lobes", self.lobes))
 

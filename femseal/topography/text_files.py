@@ -245,7 +245,7 @@ class _RowReader:
                 given = (
                     f"{as_text(table.shape[::-1])} numbers, where its header says {as_text(points)}"
                 )
-                raise InputError("file", given, "a complete file, or a header that agrees with it")
+                raise InputError("file", given, "as many numbers as the header says")
         return table
 
 

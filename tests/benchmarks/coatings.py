@@ -225,9 +225,9 @@ def main():
         "## Closed forms\n\nS is the compliance of a coated body, divided by the compliance of a half-space of the "
         "layer's material. It is a function of t = qd, where q is the wavenumber and d is the thickness of the layer.",
         closed_forms(),
-        "## Finite elements\n\nThe table shows the compliance by the formula divided by the compliance of a layered "
-        "block in plane strain "
-        "(scikit-fem, quadratic elements). Poisson's ratio is 0.37 for the layer and 0.3 for the substrate.",
+        "## Finite elements\n\nThe table compares the formula with a finite-element model of a layered block in plane "
+        "strain (scikit-fem, quadratic elements). It shows the compliance from the formula "
+        "divided by the compliance of the block. Poisson's ratio is 0.37 for the layer and 0.3 for the substrate.",
         finite_elements(),
         "## Cost\n\nThe last three columns compare the CPU times of two contacts: silver-coated steel on Inconel, "
         "relative to solid silver on Inconel. The surface is self-affine with an rms slope of 0.1. "
@@ -235,8 +235,9 @@ def main():
         "against depth at the solution are prescribed as a linear contact law of each point, so that no curve is followed.",
         cost(),
         "## Constraint\n\nA turned steel surface (Ra 1.6 µm, feed 150 µm) is pressed against a silver coating with a "
-        "thickness of 30 µm and a hardness of 265 MPa. The table shows the leakage with the hardness multiplied by a "
-        "factor, or with the load divided by this factor, divided by the leakage with the original hardness and load. "
+        "thickness of 30 µm and a hardness of 265 MPa. Either the hardness was multiplied by a factor, or the load was divided by the same "
+        "factor. The table shows the leakage relative to its value at the original hardness and "
+        "load. "
         '"–" means that the surface is sealed with the original hardness and load.',
         leakages,
         "The next table shows the mean distance of the points that yield from the edge of their contact patch, and an "

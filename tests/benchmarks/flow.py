@@ -151,8 +151,9 @@ def error_table(records):
 
 def report(records):
     """Write the table of times, the failures, and the table of errors."""
-    return f"""The table shows CPU times. The times of the other programs are given as multiples of the time of femseal. "–" means that a run would
-have taken too long. The gaps are cut by a plane at the given contact fraction; "solved" is the gap of a solved contact.
+    return f"""The table shows CPU times. The times of the other programs are divided by the time of femseal. "–" means that a run would
+have taken too long. A plane cuts off the surface, so that the given fraction of it is in contact;
+"solved" means the gap of a solved contact problem.
 
 {speed_table(records)}
 

@@ -158,7 +158,7 @@ def main() -> None:
             results.append(tried(seed, Path(folder), options.workers))
         print(results[-1], flush=True)
     counts, tests = table(SUMMARY, [summary(results)]), table(HEAD, map(row_of_test, results))
-    text = f"{machine(['scipy'])}\n\nThe first table counts tests. In the second table, the values in brackets are 90 % regions.\n\n{counts}\n\n{tests}"
+    text = f"{machine(['scipy'])}\n\nThe first table counts tests. In the second table, the ranges in brackets are 90 % credible intervals.\n\n{counts}\n\n{tests}"
     print_report(__file__, "Calibration by leak tests", text, options.write)
 
 

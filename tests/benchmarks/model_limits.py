@@ -546,13 +546,13 @@ def main():
     options = parser.parse_args()
     orders = element_order()
     text = [
-        "## Thin gap\n\nThe table shows the permeability of the Stokes equations divided by that of Reynolds' equation. "
-        "The values in brackets follow from the lubrication theory of the next order.",
+        "## Thin gap\n\nThe table shows the permeability from the Stokes equations divided by the permeability from Reynolds' equation. "
+        "The values in brackets are predictions of next-order lubrication theory.",
         thin_gap(),
         "For the wave of amplitude 0.9 and slope 0.4, the error of the Stokes solution on 96 × 2 and 192 × 4 "
         f"elements, compared with 384 × 8 elements, is {', '.join(f'{e:.1e}' for e in orders)}.",
-        "## Inertia\n\nThe table shows the permeability of the Navier-Stokes equations divided by that of the Stokes "
-        "equations. The column headings are values of the Reynolds number times the ratio of mean gap to wavelength.",
+        "## Inertia\n\nThe table shows the permeability from the Navier-Stokes equations divided by the "
+        "permeability from the Stokes equations. The column headings are values of the Reynolds number times the ratio of mean gap to wavelength.",
         inertia(),
         "The next table shows the Reynolds number at some leakages:",
         inertia_of_classes(),

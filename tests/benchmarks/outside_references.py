@@ -84,8 +84,8 @@ def handbook_section():
     text = (
         f"Permeability k across the lay of turned and ground faces, on first loading. Each range covers rms heights "
         f"Sq of {heights} µm. Each value is the mean of three surfaces of 256² points with E* = 115 GPa, H = 2.8 GPa "
-        'and 60 µm between the marks. The heights are scaled at a fixed spectrum. "1 sealed": with one of the rms heights, a surface is closed '
-        "at this load."
+        "and 60 µm between the marks. To vary Sq, all heights are multiplied by the same factor. "
+        '"1 sealed" means that a surface is sealed at this load for one of the rms heights.'
     )
     return f"{HANDBOOK_HEADING}\n\n{text}\n\n{table(head, cells)}\n"
 

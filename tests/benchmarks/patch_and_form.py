@@ -191,10 +191,7 @@ def report(rows):
             count = len({r["scene"] for r in chosen})
             cells = interval_cells(chosen, with_interval=way != "patch")
             lines.append([faces, way, count, *cells])
-    text = (
-        "The columns from 5 % to 95 % are quantiles of the leakage divided by the true leakage. The half-width is given "
-        "as a factor, the ratio of an end of the interval to the leakage."
-    )
+    text = "The columns from 5 % to 95 % are quantiles of the leakage divided by the true leakage. The half-width is given as a factor between the leakage and an end of its interval."
     return text + "\n\n" + table(["surfaces", "method", "number", *INTERVAL_HEAD], lines)
 
 

@@ -681,14 +681,14 @@ def report(rows):
     text = [
         f"{machine(['tamaas'])}. {solved(rows)}",
         "## Plastic solid and cut-off law\n\nThe table shows the contact area, the mean gap and the leakage of the "
-        "plastic solid, each divided by its value under the cut-off law with $H = 2.8\\,\\sigma_y$. The equivalent load is the load at which the "
-        "cut-off law leaks as much as the plastic solid, divided by the load on the plastic solid. The equivalent "
-        "$H/\\sigma_y$ is the ratio at which the cut-off law leaks as much as the plastic solid under the same load. All "
-        "values are medians over the surfaces, and those in the last three columns also over both flow directions. The "
-        "brackets contain the middle 90 % of the values.",
+        "plastic solid, each divided by its value under the cut-off law with $H = 2.8\\,\\sigma_y$. The equivalent load is the load at which the cut-off law predicts the leakage of the "
+        "plastic solid, divided by the load on the plastic solid. The equivalent $H/\\sigma_y$ "
+        "is the ratio for which the cut-off law predicts this leakage under the same load. All values are medians over the surfaces. In the last three columns, the median is "
+        "taken over both flow directions as well. The ranges in brackets contain the middle 90 % "
+        "of the values.",
         comparison(groups, "dimensionless hardness"),
-        "## Equivalent hardness\n\nThe table shows the $H/\\sigma_y$ at which the cut-off law leaks as much as the plastic solid "
-        "under the same load. The first column is the dimensionless hardness $2.8\\,\\sigma_y/(E^*h')$, which is small for "
+        "## Equivalent hardness\n\nThe table shows the ratio $H/\\sigma_y$ for which the cut-off law predicts the leakage "
+        "of the plastic solid under the same load. The first column is the dimensionless hardness $2.8\\,\\sigma_y/(E^*h')$, which is small for "
         "rough or soft surfaces. The second column is the mean pressure under a cone of slope $h'$ divided by the yield "
         "stress, according to the expanding-cavity model without hardening (Johnson 1985, section 6.3).",
         over_severity(rows),
@@ -707,10 +707,12 @@ def report(rows):
         "contains the leakage of the plastic solid. In {} more cases, only the plastic solid is sealed.".format(
             *intervals(main)
         ),
-        "## Robustness\n\nThe table shows the leakage of the plastic solid after a single change of the method or of the "
-        "hardening, divided by the leakage in the base case. The column headings are values of $\\bar p/H$. The base case is the "
-        "isotropic surface of seed 1 with $H/(E^*h') = 0.3$, 32² points, 13 layers down to a depth of a quarter of the "
-        "side, a hardening modulus of 0.01 E and a tolerance of 1e-3; the loads are applied one after another.",
+        "## Robustness\n\nIn each row of the table, a single setting of the method or of the hardening was "
+        "changed. The table shows the leakage of the plastic solid divided by its leakage in the "
+        "base case. The column headings are values of $\\bar p/H$. The base case is the isotropic surface of seed 1 with $H/(E^*h') = 0.3$ and 32² points. "
+        "The solid has a hardening modulus of 0.01 E and is divided into 13 layers, down to a "
+        "depth of a quarter of the side. The tolerance is 1e-3, and the loads are applied one "
+        "after another.",
         soundness(rows),
     ]  # fmt: skip
     closing_rows = records_of(rows, NEAR_CLOSING)
@@ -749,8 +751,8 @@ def report(rows):
             table(["dimensionless hardness", "p̄/H", "area, plastic solid", "area, P/(1 + P)", "gap, plastic solid"], lines),
         ]  # fmt: skip
     if larger:
-        text += ["## More waves\n\nThe comparison of the first table was repeated on 64² points, with 8 of the shortest waves "
-                 "per side instead of 4.", comparison({
+        text += ["## More waves\n\nThe comparison in the first table was repeated on a larger surface of 64² "
+                 "points, which is eight of the shortest waves long instead of four.", comparison({
             f"H/(E* h′) = {v:g}": [r for r in larger if float(r["severity"]) == v]
             for v in sorted({float(r["severity"]) for r in larger})}, "dimensionless hardness")]  # fmt: skip
     return "\n\n".join(text)

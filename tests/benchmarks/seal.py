@@ -93,7 +93,7 @@ def report(records):
         memory = (by_solver.get(name) for name in ("femseal", "PARDISO"))
         cells.append([*line, *(f"{r['bytes'] / 1e6:.0f}" if r else "–" for r in memory)])
     answers = (f"{r['mean']:.4f} ± {r['spread']:.4f} for σ = {r['σ']:g}" for r in known)
-    return f"""The table shows CPU times. The times of the other programs are given as multiples of the time of femseal. "–" means that a run would
+    return f"""The table shows CPU times. The times of the other programs are divided by the time of femseal. "–" means that a run would
 have taken too long. σ is the standard deviation
 of ln k, and "closed" the fraction of the links that are closed.
 

@@ -47,9 +47,9 @@ DECADES = ((-1.0, 1.0), (1.0, 2.0), (2.0, 3.0), (-1.0, 2.0))
 PATCHES = ("first", "second", "both")
 #: Inlet pressure of a fluid that acts, in parts of the lowest load.
 ACTS = (0.1, 0.6)
-INTRODUCTION = """The table shows the leakage of seals that were simulated from one patch, divided by the
-leakage of the whole surface. The loads are grouped by how many decades the leakage
-of the whole surface has fallen below its value at the first load. In every third scene a fluid pressure acts on the surfaces."""
+INTRODUCTION = """Seals were simulated from a single patch. The table shows their leakage divided by the leakage of the whole surface. The loads
+are grouped by how many decades the leakage of the whole surface has fallen below its value at the first load. In every third
+scene, the fluid pressure acts on the surfaces."""
 SURFACES_TEXT = """Each interval was computed from one patch. The table shows at which fraction of
 the loads it contains the true leakage. The first group consists of the simulations that were used for the calibration.
 In the second group, the same simulations are judged by a calibration without surfaces of their kind. The third group

@@ -218,7 +218,7 @@ def test_a_key_of_a_table_that_may_be_a_list_is_named_as_in_the_file(data, sever
         ({"height": "3 Pa"}, "height: given '3 Pa', expected"),
         (
             {"wavelength": "4 mm"},
-            "lobes: given both of lobes and wavelength, expected exactly one of them",
+            "lobes: given both lobes and wavelength, expected exactly one of them",
         ),
     ):
         forms = [wave, wave | wrong] if several else wave | wrong

@@ -116,5 +116,5 @@ def test_every_figure_is_written(ran, case_file, seals, tmp_path, monkeypatch, c
     assert len(list((tmp_path / "out").glob("figure_*.p*"))) == 12
     assert len(capsys.readouterr().out.splitlines()) == 6
     case_file.write_text(TEXT.replace("seed = 3", "seed = 4"), encoding="utf-8")
-    with pytest.raises(InputError, match="the case of the results"):
+    with pytest.raises(InputError, match="the case that produced these results"):
         figures.main()

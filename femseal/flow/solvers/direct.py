@@ -195,7 +195,7 @@ class _BoundaryFlow:
         error = min(errors, default=np.inf)
         raise NotConverged(
             f"flow: the direct solution has an error of {error:.1e}; "
-            "try a smaller contrast of the permeability",
+            "try a smaller permeability contrast",
             error,
         )
 
