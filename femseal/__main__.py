@@ -1,4 +1,4 @@
-"""Run the command line of femseal in the Python interpreter that is called as `python -m femseal`."""
+"""Run the femseal command line; this is the entry point for `python -m femseal`."""
 
 from .cli import main
 

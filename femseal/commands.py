@@ -162,7 +162,7 @@ def design(
     workers: Workers = None,
     quiet: Quiet = False,
 ) -> None:
-    """Find the pressure that a seal needs in assembly (Qmin) and in service (QSmin) for leakage classes.
+    """Find the pressures that a seal needs in assembly (Qmin) and in service (QSmin) to meet leakage classes.
 
     A case is run, unless its results folder already contains the complete results. If a folder is given instead of a
     case, its results are used, and nothing is run.

@@ -47,7 +47,7 @@ class Fluid(Protocol):
         ...
 
     def pressure(self, potential: ArrayLike) -> Array:
-        """Return the pressure [Pa] at which the potential has a given value, as the inverse of `potential`."""
+        """Return the pressure [Pa] at a given potential (the inverse of `potential`)."""
         ...
 
 
@@ -72,7 +72,7 @@ def _density(default: float) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class _OnFaces:
-    """Hold the properties that all liquids of constant density have, at the faces and in closed pockets.
+    """Hold the properties common to all liquids of constant density, at the faces and in closed pockets.
 
     Parameters
     ----------
@@ -370,7 +370,7 @@ class IdealGas(Gas):
 
 
 def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
-    """Return the pressure potential of a fluid [kg/(m³ s)] at a pressure, after checking the pressure.
+    """Check a pressure, and return the pressure potential of a fluid [kg/(m³ s)] at this pressure.
 
     Parameters
     ----------
@@ -437,7 +437,7 @@ def capillary_entry_pressure(fluid: Fluid, gap: float) -> float:
 def leak_basis(
     fluid: Fluid, length: float, throughput_temperature: float | None = None, **valve: float
 ) -> LeakBasis:
-    """Collect the data with which the leakage of a fluid through a seal can be converted to any unit.
+    """Collect the data needed to convert the leakage of a fluid through a seal to any unit.
 
     Parameters
     ----------

@@ -107,7 +107,7 @@ def _connect(scheduler: str) -> Any:
 def _check_answer(scheduler: str) -> None:
     """Raise an error if no Dask scheduler answers at an address.
 
-    If another kind of service were at the address, a client would wait forever for an answer.
+    If a different kind of service were listening at the address, a client would wait forever for an answer.
     """
     from distributed import Security
     from distributed.comm import connect
@@ -142,9 +142,9 @@ def _check_versions(scheduler: str, worker: str, versions: dict[str, str]) -> No
 def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     """Yield the results of a stage in the order of its items.
 
-    The function of the stage is sent to each worker once. For each thread, a few items are sent before the thread needs
-    them. While a slow item is being computed, later items are computed as well. The results of later items are yielded
-    after the result of the slow item.
+    The function of the stage is sent to each worker once. A few items are queued ahead of time for each thread. While a
+    slow item is being computed, later items are computed as well. The results of later items are yielded after the
+    result of the slow item.
     """
     items = zip(*iterables, strict=False)
     remote_stage = _RemoteStage(client, stage)

@@ -113,8 +113,8 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
 class _StageLimits(NamedTuple):
     """Hold how many items of a stage are computed or waiting at the same time, and the threads of each process.
 
-    dispatched_items : number of items that joblib takes in advance, in the form of its argument `pre_dispatch`. threads
-    : number of threads with which each process computes an item.
+    dispatched_items : number of items that joblib dispatches in advance, as passed to its argument `pre_dispatch`.
+    threads : number of threads with which each process computes an item.
     """
 
     dispatched_items: Any
@@ -122,7 +122,7 @@ class _StageLimits(NamedTuple):
 
 
 def _stage_limits(stage: Stage, count: int, item_count: int) -> _StageLimits:
-    """Choose limits with which the free memory is sufficient and all cores are used.
+    """Choose limits that fit into the free memory and use all cores.
 
     stage : the stage, with the memory of a call if the memory must be limited.
     count : number of processes.
@@ -144,8 +144,7 @@ def starting_processes() -> Iterator[None]:
     """Start processes inside the `with` block with the variables `ENVIRONMENT`, and with SIGINT and SIGTERM blocked.
 
     SIGINT and SIGTERM are blocked inside the `with` block, and a new process inherits the blocked signals. A signal
-    that this process receives inside the `with` block is handled at the end of the block, and this process then ends
-    the worker processes.
+    that arrives inside the `with` block is handled at the end of the block; this process then ends its workers.
     """
     from multiprocessing import resource_tracker
 
@@ -215,7 +214,7 @@ def _call_stored(parent: int, path: str, threads: int, *item: Any) -> Any:
     Parameters
     ----------
     parent : int
-        Identifier of the process that has started this process.
+        Identifier of the process that started this one.
     path : str
         File that contains the function of the stage.
     threads : int

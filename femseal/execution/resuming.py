@@ -50,7 +50,7 @@ _NO_LOCKS = {errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL}
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Lock an existing folder, so that no other run writes into the folder inside the `with` block.
+    """Lock an existing folder, so that no other run can write to it during the `with` block.
 
     Raises
     ------
@@ -106,7 +106,7 @@ def _acquire_lock(path: Path) -> Any:
 
 
 def _holder(path: Path) -> str:
-    """Describe the run that holds a lock, from the text of the locked file."""
+    """Describe the run that holds a lock, using the text of the locked file."""
     try:
         process = read_plain(path, 1000).decode()
     except (OSError, ValueError):
@@ -194,7 +194,7 @@ def refuse_unfinished(output: Path, name: str = FOLDER) -> None:
 
 
 def remove_run(output: Path) -> None:
-    """Remove the store of an unfinished run from the output folder, if the folder contains a store.
+    """Remove the store of an unfinished run from the output folder, if there is one.
 
     Raises
     ------

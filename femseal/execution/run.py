@@ -1,8 +1,8 @@
 """Compute the stages of a run, and report its progress, its wall times and its log lines.
 
 Stages are computed in this process, in several processes on this machine, or on a Dask cluster. In each process, BLAS,
-Fourier transforms and compiled loops use a single thread. With single threads, the processes do not compete for cores,
-and the results do not depend on the process in which they were computed.
+Fourier transforms and compiled loops use a single thread. With a single thread each, the processes do not compete for
+cores, and the results do not depend on the process in which they were computed.
 """
 
 import logging
@@ -106,7 +106,7 @@ class Run:
         log.info("%s: %.1f s", name, seconds)
 
     def decided(self, name: str, identity: Any, value: Any) -> Any:
-        """Store a value that the run has chosen. A resumed run gets the value that the stopped run had chosen.
+        """Store a value that the run has chosen. A resumed run uses the value chosen by the stopped run.
 
         Parameters
         ----------

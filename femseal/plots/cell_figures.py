@@ -87,7 +87,7 @@ class _CellValues:
 def cells_figure(results: Results) -> Figure:
     """Draw the permeability of the cells towards the outlet against their mean gap and their contact pressure.
 
-    Sealed cells are left out, and cells whose permeability is less than a millionth of the highest permeability. The
+    Sealed cells are left out, as are cells whose permeability is less than a millionth of the highest. The
     line in the first panel is the permeability h̄³/12 of parallel plates with the gap h̄. The permeability of cells
     with wide gaps approaches the permeability of parallel plates. The lines in the second panel are the median
     permeabilities of the open cells at each load. For a stochastic run, the picture shows all cells that a realisation
@@ -118,7 +118,7 @@ def cells_figure(results: Results) -> Figure:
 
 
 def _add_load_bar(axes: Axes, cells: _CellValues, results: Results) -> None:
-    """Draw a bar above the axes with the colours of the loads. Labels that would overlap are left out."""
+    """Draw a colour bar for the loads above the axes. Labels that would overlap are left out."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, ListedColormap
 

@@ -79,7 +79,7 @@ class Sheet:
         self.figure = Figure(figsize=(PAGE, self.height), dpi=dpi)
 
     def panel(self, row: int, margins: Margins) -> Axes:
-        """Add the axes of the panel with the number `row`, counted from the top and from 0."""
+        """Add the axes of panel number `row`, counted from 0 at the top."""
         below = sum(self.heights[row + 1 :])
         width = PAGE - margins.left - margins.right
         height = max(self.heights[row] - margins.bottom - margins.top, 0.1)
@@ -226,8 +226,8 @@ def _place_load_labels(axes: Axes, loads: Array) -> None:
 def spread(positions: Array, distance: float) -> Array:
     """Move increasing positions apart, so that neighbouring positions have at least a given distance.
 
-    The sum of the squares of the shifts is minimised. The new positions have the required distances if the values
-    position − n · distance do not decrease with n. Isotonic regression finds the nearest values that do not decrease.
+    The sum of the squares of the shifts is minimised. The new positions are far enough apart if position − n · distance
+    does not decrease with n. Isotonic regression finds the nearest values that do not decrease.
 
     >>> spread(np.array([0.0, 2.0, 2.2, 5.0]), 1.0)
     array([0. , 1.6, 2.6, 5. ])
@@ -289,7 +289,7 @@ def shows(result_class: type) -> Callable[[Callable[..., Figure]], Callable[...,
     """Return a decorator that registers a drawing function for a class of results.
 
     The method `plot()` of the class calls the registered function, with the style of femseal. The first argument of the
-    function must be the result. The further arguments of the function become options of `plot()`.
+    function must be the result. Any further arguments of the function become options of `plot()`.
     """
 
     def register(draw: Callable[..., Figure]) -> Callable[..., Figure]:
@@ -318,8 +318,8 @@ def picture(result: Any, **options: Any) -> Figure:
     Raises
     ------
     InputError
-        No drawing function is registered for the class of `result`, or the drawing function does not have a given
-        option. For example, a picture of several panels has no option `ax`.
+        No drawing function is registered for the class of `result`, or this function does not accept one of the
+        options. For example, a picture of several panels has no option `ax`.
     """
     draw = _draw.dispatch(type(result))
     possible_options = list(signature(draw).parameters)[1:]  # the first parameter is the result

@@ -221,14 +221,14 @@ def leak_test_figure(results: Results) -> Figure:
 
 
 def _class_limits(data: xarray.Dataset) -> dict[str, float]:
-    """Return the limit [m²/s] of every leakage class of a run, by the name of the class."""
+    """Return the limits [m²/s] of the leakage classes of a run, keyed by class name."""
     if "leak_class" not in data.coords:
         return {}
     return dict(zip(data["leak_class"].values, data["class_limit"].values, strict=True))
 
 
 def _method_title(results: Results) -> str:
-    """Return the name of the method that has computed the leakage of the main curve."""
+    """Return the name of the method used to compute the leakage of the main curve."""
     return "median of the realisations" if results.method == "median" else results.method
 
 

@@ -40,7 +40,7 @@ COMMON_SCALE = (1.0, "leakage per length of seal [m²/s]")
 
 @dataclass(frozen=True)
 class LeakageCurves:
-    """Hold the leakages per length of seal that are drawn in one panel, against the loads of a load cycle.
+    """Hold the leakages per seal length drawn in one panel, against the loads of a load cycle.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class LeakageCurves:
     band_name : str
         Name of the shaded area in the legend.
     other_methods : dict of arrays (steps,)
-        Leakages computed by other methods [m²/s], by the names of the methods. The leakages of other methods are drawn
+        Leakages [m²/s] computed by other methods, keyed by method name. The leakages of other methods are drawn
         as markers without lines.
     limits : dict of float
         Limits of leakage classes [m²/s], by the names of the classes.
@@ -199,7 +199,7 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
 
 
 class BandHandle(tuple[Any, ...]):
-    """Hold one patch for each shaded area that a legend entry stands for, and the text of the entry."""
+    """Hold the text of a legend entry, and a coloured patch for each shaded area that it explains."""
 
     label: str
 

@@ -58,7 +58,7 @@ def draw_map(
     unit : str
         Unit of length on the axes.
     key : mapping of str, optional
-        Legend for points without a value: a colour for each text that explains such points, for example "contact".
+        Legend for points without a value: a colour for each explanatory text, for example "contact".
     **scale
         Range or norm of the colour scale, as keyword arguments for `Axes.imshow`.
 

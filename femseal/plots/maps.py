@@ -55,9 +55,9 @@ _FLOW = "#D7191C"
 def default_step(data: xarray.Dataset) -> int:
     """Return the index of the load step that pictures show by default: the highest load at which the seal leaks.
 
-    If the results contain a realisation, the highest load is chosen at which fluid also flows through the tiles of the
-    realisation. The tiles may be closed at higher loads, at which the surface leaks only along a path that winds
-    through several closed cells. If the seal leaks at no load, the index is 0.
+    If the results contain a realisation, the function chooses the highest load at which fluid also flows through its
+    tiles. The tiles may be closed at higher loads, at which the surface leaks only along a path that winds through
+    several closed cells. If the seal leaks at no load, the index is 0.
     """
     leaks = np.nan_to_num(surface_leakage(data)) != 0  # (step,)
     if "drawn_flux" in data:

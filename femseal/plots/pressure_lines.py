@@ -158,7 +158,7 @@ def _draw_along_x1(
 
     The colour of a line indicates the load, from dark to bright. The line style indicates the branch of the load cycle.
 
-    pressures : pressures along x1 [MPa], by the index of the load step.
+    pressures : pressures along x1 [MPa], keyed by load step index.
     """
     names = short_load_names(data)
     unit, unit_name = length_unit(x1[-1])

@@ -144,7 +144,7 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
 
 
 def _set_up_axes(axes: Axes, panel: _Panel) -> tuple[float, str]:
-    """Set the limits and the aspect of the axes of a panel; return the unit of length [m], and the name of the unit."""
+    """Set the limits and aspect ratio of a panel's axes; return the length unit [m] and its name."""
     width, height = panel.high - panel.low
     unit, unit_name = length_unit(max(width, height))
     left, bottom = panel.low / unit
@@ -220,7 +220,7 @@ def _whole_seal_values(data: xarray.Dataset, step: int) -> list[_TileValues]:
 
 
 def _draw_tiles(axes: Axes, corners: Array, tile_values: _TileValues, is_drawn: Flags) -> None:
-    """Draw some tiles of a seal. The colour scale includes the values of all tiles, also of tiles that are not drawn.
+    """Draw some tiles of a seal. The colour scale covers the values of all tiles, including tiles that are not drawn.
 
     Parameters
     ----------

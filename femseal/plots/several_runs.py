@@ -48,7 +48,7 @@ def comparison_figure(comparison: RunComparison) -> Figure:
     intervals.
 
     The picture of a sweep has a second panel with the leakages at a single load, the highest load at which all runs
-    leak. The horizontal axis of this panel shows the values of the key with the largest number of values.
+    leak. The horizontal axis of this panel shows the key that takes the most values.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def comparison_figure(comparison: RunComparison) -> Figure:
 
 
 def _most_varied_key(comparison: RunComparison) -> int | None:
-    """Return the index of the key with the largest number of different values.
+    """Return the index of the key that takes the most different values.
 
     Returns None if all runs have the same values of all keys, or if the runs have no common load.
     """
@@ -200,9 +200,9 @@ def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
 
 
 def _highest_leaking_step(comparison: RunComparison) -> LoadStep:
-    """Return the load step on loading with the highest load at which all runs leak.
+    """Return the loading step with the highest load at which all runs leak.
 
-    If all runs leak together at no load, the first load step that the runs have in common is returned.
+    If there is no load at which all runs leak, the first load step common to all runs is returned.
     """
     loading = [step for step in comparison.common_steps if step.unloaded_from is None]
     leaking = [step for step in loading if (_leakages_at(comparison, step) > 0).all()]
@@ -232,7 +232,7 @@ def _leakages_at(comparison: RunComparison, step: LoadStep) -> Array:
 
 
 def _intervals_at(comparison: RunComparison, step: LoadStep) -> tuple[Array, Array]:
-    """Return the lower and the upper end of the 95 % interval of every run at a load step, two arrays (runs,).
+    """Return the lower and upper ends of the runs' 95 % intervals at a load step, two arrays (runs,).
 
     The ends are absolute values, and NaN for runs without an error budget.
     """

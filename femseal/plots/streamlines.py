@@ -102,7 +102,7 @@ def _interpolate_flow(axes: Axes, corners: Array, flux: Array) -> _FlowGrid:
 
 
 def _lies_in_a_tile(points: Array, corners: Array, tolerance: float) -> Flags:
-    """Return whether each point lies in a tile, or at most at the distance `tolerance` from a tile.
+    """Return whether each point lies in a tile or within the distance `tolerance` of one.
 
     For each point, only some tiles near the point are tested. A point lies in a convex tile if it is on the same side
     of all edges of the tile.
@@ -125,7 +125,7 @@ def _lies_in_a_tile(points: Array, corners: Array, tolerance: float) -> Flags:
 
 
 def draw_streamlines(axes: Axes, corners: Array, flux: Array, colour: str) -> None:
-    """Draw the streamlines of the flow over a map of the seal. Streamlines are wider where the flow is larger.
+    """Draw the streamlines of the flow over a map of the seal. Streamlines are thicker where the flow is stronger.
 
     Parameters
     ----------

@@ -113,7 +113,7 @@ def branch_styles(count: int) -> list[dict[str, Any]]:
 
 
 def sequential_colours(count: int) -> list[Any]:
-    """Return colours from dark to bright for `count` lines that have an order, such as lines for increasing loads."""
+    """Return colours from dark to bright for `count` ordered lines, such as lines for increasing loads."""
     import numpy as np
     from matplotlib import colormaps
 
@@ -146,13 +146,13 @@ def rendered(figure: Figure, file_format: str) -> bytes:
     figure : Figure
         The figure.
     file_format : {"png", "svg", "pdf"}
-        Format of the picture. In the vector formats, letters and lines are not converted to pixels, and maps are shown
-        with all their pixels.
+        Format of the picture. In vector formats, text and lines are not rasterised, and maps are drawn at full
+        resolution.
 
     Returns
     -------
     bytes
-        Content of the picture file. The file contains no date, so that the same figure gives the same file.
+        Content of the picture file. The file contains no date, so the same figure always gives an identical file.
     """
     from matplotlib.image import AxesImage
 

@@ -207,7 +207,7 @@ def _shown_values(values: Array, name: str) -> Array:
 def _window(
     meshes: dict[str, Any], load: str, ends: Array | None, off_screen: bool
 ) -> pyvista.Plotter:
-    """Make a window with a panel for each field, side by side and with the same camera.
+    """Make a window with one panel per field; the panels are side by side and share a camera.
 
     load : name of the load step, which is written into the first panel.
     ends : positions of the labels "inlet" and "outlet", (2, 3) [µm]. By default, the label "inlet" is to the left of
@@ -261,8 +261,8 @@ def ends_of_seal(results: Results) -> Array | None:
     """Return the positions of the labels "inlet" and "outlet", (2, 3) [µm].
 
     The positions are the centres of the tiles with the highest and the lowest fluid pressure. If the fluid pressure is
-    unknown, the function returns None. For a strip, whose inlet is its left side and whose outlet is its right side,
-    the function returns None as well.
+    unknown, the function returns None. The function also returns None for a strip, whose inlet is on the left and whose
+    outlet is on the right.
     """
     data = results.dataset
     if str(data.attrs.get("seal", "")).startswith("a strip") or "drawn_fluid_pressure" not in data:

@@ -147,8 +147,8 @@ class FluidPressure:
         """Compute by how much the fluid pressure reduces the contact pressure of a cell [Pa].
 
         The contact of a cell is solved for dry surfaces under the effective pressure p̄ − p_f (Terzaghi's effective
-        stress). The coupled solution of contact and flow tends to the solution with the effective pressure if the seal
-        is wide compared with the long waves of the surface.
+        stress). If the seal is wide compared with the long waves of the surface, the coupled solution of contact and
+        flow approaches the effective-pressure solution.
 
         Parameters
         ----------
@@ -243,9 +243,8 @@ class FluidPressure:
     ) -> Array:
         """Choose the fluid pressure (n1, n2) [Pa] of the first round of the iteration.
 
-        The pressure is chosen for a pressure potential that falls linearly from inlet to outlet. If a fluid with this
-        pressure would carry nearly the whole load, the fluid pressure is reduced, so that the contact carries a part of
-        the load.
+        The pressure corresponds to a pressure potential that falls linearly from inlet to outlet. If this fluid
+        pressure would carry nearly the whole load, it is reduced so that the contact carries part of the load.
 
         Parameters
         ----------
@@ -319,7 +318,7 @@ class FluidPressure:
         highest_pressure : float
             Largest pressure of trapped liquid [Pa].
         only_falls : bool
-            If True, the pressure of trapped liquid can only decrease, so that the iteration comes to an end.
+            If True, the pressure of trapped liquid can only decrease, so that the iteration terminates.
         """
         assert isinstance(solved.flow, FaceFlow)
         is_open = solved.contact.gap > 0
@@ -360,14 +359,14 @@ class FluidPressure:
     ) -> CoupledContact:
         """Solve the contact at a nominal pressure [Pa] at which the surfaces separate or nearly separate.
 
-        For a prescribed contact load, contact and flow always have a solution. The nominal pressure is the sum of the
-        contact load and the mean pressure of the fluid. Contact loads are therefore prescribed, until the resulting
-        nominal pressure is equal to the given nominal pressure.
+        For a prescribed contact load, the coupled problem of contact and flow always has a solution. The nominal
+        pressure is the sum of the contact load and the mean pressure of the fluid. Contact loads are therefore
+        prescribed, until the resulting nominal pressure is equal to the given nominal pressure.
 
         As a function of the contact load, the nominal pressure has a minimum. If the given nominal pressure is less
         than the minimum, the surfaces separate. If the given nominal pressure is larger than the minimum, two contact
-        loads give this nominal pressure. The larger contact load is chosen, because a seal reaches the larger contact
-        load first if its load is reduced or its fluid pressure is raised. Trapped liquid is ignored.
+        loads give this nominal pressure. The larger contact load is chosen, because the seal reaches it first when the
+        load is reduced or the fluid pressure is raised. Trapped liquid is ignored.
         """
         from scipy.optimize import brentq
 
@@ -414,7 +413,7 @@ class FluidPressure:
         return pressure if np.isfinite(pressure).all() else applied
 
     def linear_drop(self, shape: Shape) -> Array:
-        """Compute the fluid pressure (n1, n2) [Pa] of a pressure potential that falls linearly along x1.
+        """Compute the fluid pressure (n1, n2) [Pa] for a pressure potential that falls linearly along x1.
 
         The fluid pressure is relative to the pressure of the surroundings.
         """

@@ -326,7 +326,7 @@ class Scene:
         return np.array(entry_pressures)
 
     def leakage(self, seal: Seal, permeability: Any, rtol: float = 1e-5) -> Leakage:
-        """Compute the leakage of a seal between the fluid pressures of the scene, see `seal_leakage`."""
+        """Compute the leakage of a seal at the inlet and outlet pressures of the scene, see `seal_leakage`."""
         return seal_leakage(
             seal,
             permeability,
@@ -349,7 +349,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class FluidState:
-    """Describe a fluid and its pressures at inlet and outlet [Pa]. The pressures of a gas are absolute."""
+    """Describe a fluid and its pressures at inlet and outlet [Pa]. For a gas, pressures are absolute."""
 
     fluid: Fluid
     inlet_pressure: float

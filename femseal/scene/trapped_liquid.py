@@ -50,7 +50,7 @@ class TrappedLiquid:
         Parameters
         ----------
         fluid_pressure : array, (n1, n2)
-            Fluid pressure [Pa]. The values outside of pockets, and in pockets whose step is NaN, remain the same.
+            Fluid pressure [Pa]. The values outside of pockets, and in pockets whose step is NaN, remain unchanged.
         step : array, (pockets,), or float, optional
             Change that is added to the pressures of the pockets before they are inserted [Pa]; by default `self.step`.
 

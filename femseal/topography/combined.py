@@ -109,7 +109,7 @@ def _add_coinciding(first: Topography, second: Topography) -> tuple[Topography, 
 def _add_overlapping(
     first: Topography, second: Topography, angle: float, shift: NDArray
 ) -> tuple[Topography, Overlap]:
-    """Add two faces on the largest rectangle that both faces cover, on the pixels of the first face.
+    """Add two faces over the largest rectangle that both cover, using the pixels of the first face.
 
     angle : rotation of the second face [rad].
     shift : shift of the second face along x1 and x2, (2,) [m].

@@ -3,7 +3,7 @@
 The form is fitted to the defined points before spikes and undefined points are filled, because filled points would
 distort the form. Points that are treated as spikes may be real features of the surface. If spikes are among the highest
 or deepest points of the surface, contact and leakage depend on whether the spikes are removed. The function
-`spikes_extreme` computes which fraction of the highest and deepest points changes if spikes are removed.
+`spikes_extreme` computes what fraction of the highest and deepest points changes when spikes are removed.
 
 The shortest wave that an instrument resolves follows from its tip radius or its lateral resolution. A round tip of
 radius R follows a wave of amplitude a and wavelength λ if the curvature of the wave is at most the curvature of the
@@ -252,7 +252,7 @@ class Conditioning(Labelled):
     Attributes
     ----------
     reading : tuple of str
-        Notes on how the file was interpreted, where several interpretations are possible.
+        Notes on how the file was interpreted where it is ambiguous.
     """
 
     undefined_fraction: float = labelled("undefined points, filled", percent=True)
@@ -367,7 +367,7 @@ def condition(
     instrument : Instrument
         Limits of the instrument, if they are known.
     shortest_wavelength : float, optional
-        Name of `shortest_wave` in earlier versions.
+        Former name of `shortest_wave`.
 
     Returns
     -------
@@ -443,7 +443,7 @@ def smooth(
     form : Form
         Form that was subtracted; with several patches, the form of the first patch.
     parts : sequence of tuples of Topography and Repair
-        Results of `repair` for all measured maps of which `flat` is composed.
+        Results of `repair` for all measured maps that make up `flat`.
     shortest_wave, shape, instrument
         See `condition`.
 
@@ -495,8 +495,8 @@ def default_wave(flat: Surface, shape: Shape, instrument: Instrument) -> float:
     """Return the default value of `shortest_wave` [m] in `condition`, for a grid with a given number of points.
 
     The wavelength is the longest of three: 8 pixels of the grid, the shortest wave that the instrument resolves, and
-    the shortest wave above the noise. The shortest wave above the noise counts as at most 8 measured pixels, because a
-    longer filter is only justified if the limits of the instrument are known.
+    the shortest wave above the noise. The shortest wave above the noise is capped at 8 measured pixels, because a
+    longer cut-off is only justified if the limits of the instrument are known.
     """
     eight_pixels_of_grid = resolved_wave(flat.size, shape)
     eight_pixels_of_map = resolved_wave(flat.size, flat.shape)
@@ -520,8 +520,8 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
     wave : float
         Shortest wavelength [m] that the grid must resolve.
     most : float
-        Approximate limit of the number of points. If 8 pixels per wave require more points, a wave has fewer than 8
-        pixels.
+        Approximate upper limit on the number of points. If 8 pixels per wave would require more points than that, a
+        wave has fewer than 8 pixels.
 
     Examples
     --------
@@ -538,10 +538,10 @@ def resolving_shape(size: Pair, wave: float, *, most: float = inf) -> Shape:
 def default_points(level: Surface, shortest_wave: float | None, instrument: Instrument) -> Shape:
     """Choose the numbers of grid points for a measured surface.
 
-    A wave is resolved if it is at least 8 pixels long. If nearly all of the rms slope is in waves that the measured
-    pixels resolve, the grid has the measured pixels. Otherwise, the grid is finer and resolves the shortest measured
-    wave, see `resolving_shape`. A grid with more than `MOST_POINTS` points is only chosen if `shortest_wave` requires
-    it.
+    A wave is resolved if it is at least 8 pixels long. If waves resolved by the measured pixels account for nearly all
+    of the rms slope, the grid keeps the measured pixels. Otherwise, the grid is finer and resolves the shortest
+    measured wave, see `resolving_shape`. A grid with more than `MOST_POINTS` points is only chosen if `shortest_wave`
+    requires it.
 
     Parameters
     ----------

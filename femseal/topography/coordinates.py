@@ -179,7 +179,7 @@ def _column_with_name(names: Sequence[str], beginnings: str | tuple[str, ...]) -
 
 
 def _has_only_coordinates(table: NDArray, columns: Columns) -> bool:
-    """Return whether a table has no columns but x, y, z and perhaps an index, and is too long for a matrix."""
+    """Return whether a table has only the columns x, y, z and perhaps an index, and is too long to be a matrix."""
     # an index is the column before x, so that min(columns) is 1 with an index and 0 without
     return table.shape[1] - min(columns) == 3 and len(table) >= _FEWEST_LINES
 
@@ -226,7 +226,7 @@ def _check_unique_heights(x: NDArray, y: NDArray, z: NDArray, stored: NDArray) -
     """Raise InputError if a point has several heights.
 
     x, y, z : columns of the table, (lines,).
-    stored : height that the grid contains at the point of each line of the table, (lines,). If several lines give a
+    stored : height stored in the grid at the point given by each line of the table, (lines,). If several lines give a
     height for the same point, the grid contains the height in the last of these lines.
     """
     differs = (stored != z) & ~(np.isnan(stored) & np.isnan(z))

@@ -6,7 +6,7 @@ order, where u and v are x1 and x2 scaled to the range (−1, 1) over the map.
 Spikes: isolated points far above or below their surroundings, a typical error of confocal instruments. In a window of 5
 × 5 points around each point, m denotes the median of the heights, and s = 1.4826 MAD their robust standard deviation
 (MAD: median absolute deviation). Source: the Hampel identifier, Davies and Gather, J. Am. Stat. Assoc. 88 (1993) 782,
-with an additional test whether the spike is isolated.
+with an additional test that the spike is isolated.
 
 Undefined points: these points are filled by the harmonic surface, ∇²z = 0, through the points around each hole. A map
 with too many undefined points is refused.
@@ -156,9 +156,9 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
     """Find the spikes of a map.
 
     A spike is a group of at most four neighbouring points with |z − m| > `threshold` · s, where m is the median of the
-    heights z in a window around the point, and s the robust standard deviation of the heights in this window. If s is
-    smaller than its median over the map, or smaller than the step of quantised heights, the larger of these two numbers
-    replaces s. On steep parts of the surface, s is large.
+    heights z in a window around the point, and s the robust standard deviation of the heights in this window. The value
+    of s is never smaller than its median over the map or the step of quantised heights. On steep parts of the surface,
+    s is large.
 
     A spike must also be isolated: no point next to the group deviates in the same direction by more than half of the
     largest deviation within the group. Real ridges, edges, corners and resolved summits are not isolated, because their
@@ -279,7 +279,7 @@ def _row_medians(values: NDArray) -> NDArray:
 
 
 def _height_step(heights: NDArray) -> float:
-    """Return the smallest step between quantised heights [m]; for other heights, the size of rounding errors."""
+    """Return the smallest step between heights [m] if they are quantised, and otherwise the size of rounding errors."""
     ordered = heights[~np.isnan(heights)]
     ordered.sort()
     # a height is a level of the quantisation if at least this number of points have it

@@ -37,10 +37,10 @@ class SurfaceReport(Labelled):
 
     A parameter that cannot be determined is NaN or None.
 
-    Parameters of heights, such as Sq, are computed from all defined points including spikes, as in the software of
-    instruments. Slopes, texture, spectrum and the parameters after Gaussian filters are computed from the map without
-    spikes and with filled undefined points. The direction of the lay is its angle from x2, which is positive in the
-    sense from x1 towards x2.
+    Parameters of heights, such as Sq, are computed from all defined points including spikes, as in instrument software.
+    Slopes, texture, spectrum and the parameters after Gaussian filters are computed from the map without spikes and
+    with filled undefined points. The direction of the lay is its angle from x2, which is positive in the sense from x1
+    towards x2.
     """
 
     shape: Shape = labelled("points")
@@ -187,10 +187,11 @@ def roughness(flat: Topography) -> dict[str, Any]:
 
     Parameters of profiles, such as Ra and Rz, are pairs: the first number is the mean over all profiles along x1, the
     second number the mean over all profiles along x2. The cut-off λc is chosen separately for the profiles along x1 and
-    along x2. The chosen λc is the longest standard cut-off that is not longer than the profile and that the standard
-    recommends for the Ra of the filtered profiles. If every standard cut-off is longer than the profile, λc is NaN.
+    along x2. The chosen λc is the longest standard cut-off that does not exceed the length of the profile and is
+    recommended by the standard for the Ra of the filtered profiles. If every standard cut-off is longer than the
+    profile, λc is NaN.
 
-    The parameters of the surface are computed with the longer of the two values of λc, along x1 and x2.
+    The parameters of the surface use the longer of the two λc chosen along x1 and along x2.
 
     flat : map without its form and without undefined points.
     """

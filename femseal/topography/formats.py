@@ -34,7 +34,7 @@ _WYKO = b"Wyko ASCII Data File"
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn every error while a file is read into an InputError that names the file.
+    """Turn any error raised while reading a file into an InputError that names the file.
 
     A file that needs more than the free memory also raises an InputError: the size of the file is checked before
     reading, and the memory is limited while the file is read.
@@ -158,7 +158,7 @@ def read_any_text(path: Path, options: Reading) -> Raw:
 
 
 def read_file(path: Path, options: Reading) -> Raw:
-    """Read a file of heights by the reader for its suffix, or by SurfaceTopography if the suffix is unknown."""
+    """Read a file of heights with the reader for its suffix, or with SurfaceTopography if the suffix is unknown."""
     suffix = path.suffix.lower()
     if suffix in READERS:
         return READERS[suffix](path, options)

@@ -1,4 +1,4 @@
-"""Generate surfaces from a few numbers: self-affine ones (lapped, ground, blasted), and surfaces turned on a lathe.
+"""Generate surfaces from a few parameters: self-affine surfaces (lapped, ground, blasted) and turned surfaces.
 
 Symbols: q wave vector with the angular wave number |q| [rad/m], C spectral density, H Hurst exponent. On a surface with
 the sides L1 and L2, a wave with k1 periods along x1 and k2 periods along x2 has q = 2π(k1/L1, k2/L2).
@@ -59,7 +59,7 @@ def self_affine(
     roll_off : float, optional
         Wavelength above which the spectrum is constant [m]. Default: the larger side.
     cut_off : float, optional
-        Shortest wave [m], at least 2 pixels. Default: 8 pixels of the larger spacing.
+        Shortest wave [m], at least 2 pixels. Default: 8 times the larger pixel spacing.
     rng : numpy.random.Generator or seed
         Source of the phases.
 
@@ -149,8 +149,8 @@ def turned(
         Rms error of the position of the grooves, as a fraction of the pitch, from 0 to 0.5.
     depth_error : float
         Rms error of the depth of the grooves, as a fraction of `depth`, from 0 to 1. The errors of position and depth
-        consist of two parts with equal mean squares: a part that is constant along a groove, and a part that varies
-        along the groove as a sine with the period `size[1]` and a random phase.
+        each have two parts with equal mean squares: one is constant along a groove, the other varies along it as a sine
+        with period `size[1]` and random phase.
     waviness : float
         Rms height [m] of a sinusoidal waviness along x1.
     waviness_length : float, optional
@@ -160,7 +160,7 @@ def turned(
     hurst, roughness_roll_off : float
         Hurst exponent and roll-off wavelength [m] of the roughness.
     cut_off : float, optional
-        Shortest wave [m]. Default: 8 pixels of the larger spacing.
+        Shortest wave [m]. Default: 8 times the larger pixel spacing.
     rng : numpy.random.Generator or seed
         Source of the errors and phases.
 

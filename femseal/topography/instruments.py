@@ -211,7 +211,7 @@ def _is_usual(unit: str) -> bool:
 
 
 def _gwyddion_fields(file: Any, kind: str = "data") -> dict[int, dict[str, Any]]:
-    """Return the metadata of the data fields of a .gwy file, by the number of the field.
+    """Return the metadata of each data field in a .gwy file, keyed by field number.
 
     The metadata state the position of the heights in the file, but do not contain the heights. For files of other
     formats, the dictionary is empty.
@@ -273,7 +273,7 @@ def _gwyddion_numbers(path: Path, field: dict[str, Any]) -> Array:
 
 
 def _instrument(parameters: dict[str, Any]) -> Instrument:
-    """Return the limits of the instrument from parameters that SurfaceTopography has read, values with units."""
+    """Return the limits of the instrument from the parameters (values with units) read by SurfaceTopography."""
     lengths = {}
     for name in ("tip_radius", "resolution"):
         entry = parameters.get(name, {})
@@ -284,7 +284,7 @@ def _instrument(parameters: dict[str, Any]) -> Instrument:
 
 @contextmanager
 def unprinted() -> Iterator[None]:
-    """Suppress everything that Python prints inside a `with` block, because some readers print faults of a file."""
+    """Suppress everything that Python prints inside a `with` block, because some readers print warnings."""
     with (
         open(os.devnull, "w", encoding="utf-8") as nothing,
         redirect_stdout(nothing),
@@ -294,7 +294,7 @@ def unprinted() -> Iterator[None]:
 
 
 def pick(choices: list[Any], channel: int | str, kind: str, names: Sequence[str] = ()) -> Any:
-    """Select a channel by its number, or by a name that no other channel has.
+    """Select a channel by its number, or by a name that is unique among the channels.
 
     Parameters
     ----------
@@ -326,5 +326,5 @@ def pick(choices: list[Any], channel: int | str, kind: str, names: Sequence[str]
 
 
 def _list_channels(numbers: Sequence[int], names: Sequence[str]) -> str:
-    """List the numbers of channels with their names, for a message."""
+    """List the channels by number and name, for a message."""
     return shortened(", ".join(f"{n} ({names[n]})" for n in numbers), _LONGEST_LIST)

@@ -7,8 +7,8 @@ If neither states a number, the number is recognised by a property that no measu
 exactly the highest or the lowest number of the map, and this number is far from all others. A recognised number that
 programs commonly write for undefined points, such as −9999 or 32767, is treated as undefined, and a note says so. Any
 other recognised number, such as 0, may be a real height, for example the height of a flat bottom. Only the user knows
-whether the number is a height. The file is then refused, and the error says how the user can state whether the number
-is a height.
+whether the number is a height. The file is then refused, and the error message says how to state whether the number is
+a height.
 """
 
 from collections.abc import Sequence
@@ -55,7 +55,7 @@ class Defined:
     notes : tuple of str
         Notes on the points that were treated as undefined.
     errors : tuple of InputError
-        Errors about numbers that may be heights or may mark undefined points, which only the user can decide.
+        Errors about numbers that may be heights or may mark undefined points; only the user can decide which.
         `read_topography` raises the first of these errors.
     """
 
@@ -78,9 +78,8 @@ def mark_undefined_points(
     file_marks : sequence of float
         Numbers that mark undefined points according to the file itself.
     given : float or str, optional
-        Number that marks undefined points according to the caller; "none" if every number is a height. If None, the
-        numbers in `file_marks` mark undefined points, and the function also searches for other numbers that mark
-        undefined points.
+        Number that, according to the caller, marks undefined points; "none" if every number is a height. If None, the
+        numbers in `file_marks` mark undefined points, and the function also searches for further marks.
 
     Raises
     ------
@@ -120,7 +119,7 @@ def _mark_numbers(
 ) -> tuple[NDArray, list[str]]:
     """Replace given numbers by NaN; return the heights and a note for each number that occurs in the map.
 
-    source : who states that the numbers mark undefined points, such as "the file says", for the notes.
+    source : source of the claim that the numbers mark undefined points, such as "the file says", for the notes.
     """
     notes = []
     for number in numbers:
@@ -155,10 +154,11 @@ def _is_mark(value: float) -> bool:
 
 
 def _find_suspicious_number(heights: NDArray) -> float | None:
-    """Return a number of a map that probably marks undefined points; None without such a number.
+    """Return the number that probably marks undefined points in a map; None if there is none.
 
     Only the lowest and the highest number of the map are tested. A number probably marks undefined points if it is far
-    from all other numbers of the map, and if many points have this number or programs commonly write this number.
+    from all other numbers in the map and either occurs at many points or is commonly written by programs for this
+    purpose.
     """
     lowest = float(np.fmin.reduce(heights, axis=None))
     highest = float(np.fmax.reduce(heights, axis=None))
@@ -175,7 +175,7 @@ def _find_suspicious_number(heights: NDArray) -> float | None:
 def _is_far(heights: NDArray, value: float, sign: int, *, is_shared: bool) -> bool:
     """Return whether the lowest number of a map (sign 1), or the highest number (sign -1), is far from all others.
 
-    is_shared : whether many points have this number. If only few points have the number, its distance to the next
+    is_shared : whether many points have this number. If only a few points have the number, its distance to the next
     number must exceed the range of all other numbers.
     """
     # for the highest number the map is turned upside down, so that the number is the lowest in both cases

@@ -118,7 +118,7 @@ class Patches(Plotted):
 
     @property
     def shortest_patch(self) -> Topography:
-        """Patch with the smallest length along x2, to which the numbers of points and cells in a case refer."""
+        """Patch that is shortest along x2; the numbers of points and cells in a case refer to this patch."""
         return min(self.patches, key=lambda patch: patch.shape[1])
 
     @property

@@ -57,7 +57,7 @@ def profile_roughness(surface: Topography, spacing: float | None = None) -> Prof
 
     Examples
     --------
-    A wave of 0.1 mm has Ra = 2/π of its amplitude:
+    The Ra of a wave of 0.1 mm is 2/π times its amplitude:
 
     >>> x = (np.arange(500) + 0.5) * 2e-6
     >>> wave = Topography(1e-6 * np.cos(2 * np.pi * x / 1e-4)[:, None] * np.ones((1, 8)), (2e-6, 2e-6))

@@ -36,7 +36,7 @@ class Raw:
     unclear : str
         Text in the file about the unit or the pixel size that could not be interpreted, for messages.
     notes : tuple of str
-        Notes on how the file was interpreted, where several interpretations are possible.
+        Notes on how the file was interpreted where it is ambiguous.
     """
 
     heights: NDArray
@@ -52,7 +52,7 @@ class Raw:
 
 @dataclass(frozen=True)
 class Reading:
-    """Hold the options for reading a file of heights, which `read_topography` explains."""
+    """Hold the options for reading a file of heights; see `read_topography`."""
 
     size: Lengths | None = None
     spacing: Lengths | None = None

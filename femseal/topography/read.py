@@ -1,9 +1,9 @@
 """Read measured height maps from files of any kind; refuse maps whose unit or pixel size is unknown or implausible.
 
-A separate file may contain a mask of undefined points: an image, a text or an array that contains numbers other than 0
-at undefined points. The mask must have the same orientation as the heights in their file. In an image and in a text,
-the points of a line lie along the x axis of the file, and the first line of the file has the index 0 along y. NumPy
-arrays are not transposed.
+A mask of undefined points may be given in a separate file: an image, a text or an array with numbers other than 0 at
+undefined points. The mask must have the same orientation as the heights in their file. In an image and in a text, the
+points of a line lie along the x axis of the file, and the first line of the file has the index 0 along y. NumPy arrays
+are not transposed.
 """
 
 from __future__ import annotations
@@ -62,11 +62,11 @@ class Look:
     masked_fraction : float
         Fraction of points that are masked in the file.
     is_known : tuple of two bool
-        Whether the pixel size is known, and whether the unit of height is known, from the file or from the caller.
+        Whether the pixel size and the unit of height, respectively, are known from the file or from the caller.
     instrument : Instrument
         Limits of the instrument according to the file and the caller.
     notes : tuple of str
-        Notes on how the file was interpreted, where several interpretations are possible.
+        Notes on how the file was interpreted where it is ambiguous.
     """
 
     topography: Topography
@@ -80,10 +80,11 @@ class Look:
 def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
     """Read a height map from a file.
 
-    The returned map contains the heights as measured, including their tilt. Undefined points are NaN. The format
-    follows from the suffix:
+    The returned map contains the heights as measured, including their tilt. Undefined points are NaN. The suffix
+    determines the format:
 
-    - .npy and .npz: heights in metres. An array `spacing` in the .npz, or the caller, gives the pixel size.
+    - .npy and .npz: heights in metres. The pixel size comes from an array `spacing` in the .npz file or from the
+    caller.
     - .csv .asc .txt .xyz .tsv .prn .dat: texts with a matrix of heights, or coordinates x y z on a regular grid, in
       metres unless the header states another unit.
     - .x3p and .sdf.
@@ -114,12 +115,12 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
         File that marks undefined points by values other than 0: an image, a text or a .npy file with the same
         orientation as the file of the heights.
     file_mask : bool
-        Whether points are undefined if a mask in the file itself (.gwy, or `mask` in an .npz) marks them. If False,
-        masked points have the heights that the file contains.
+        Whether to treat points as undefined where a mask in the file itself (.gwy, or `mask` in an .npz) marks them. If
+        False, masked points have the heights that the file contains.
     no_data : float or "none", optional
         Number that marks points that were not measured, such as -9999. "none" states that every number in the file is a
-        height. Default: the number that the header of the file states. If the header states no number, a number counts
-        as such a mark if programs commonly write it for undefined points and if it is far from all other numbers.
+        height. Default: the number stated in the header of the file. If the header states no number, a number is taken
+        as such a mark if programs commonly write it for undefined points and it is far from all other numbers.
     verify_checksum : bool
         Whether to refuse an .x3p file with a wrong checksum.
     crop : tuple of four float, optional
@@ -241,7 +242,7 @@ def _apply_masks(heights: NDArray, file_mask: Flags | None, given: Reading) -> N
 
 
 def _pixel_size(file_pixel: Pair | None, given: Reading, shape: tuple[int, ...]) -> Pair | None:
-    """Return the pixel size along x1 and x2 [m], which the caller or otherwise the file gives.
+    """Return the pixel size along x1 and x2 [m], from the caller if given and otherwise from the file.
 
     file_pixel : pixel size along x and y of the file [m].
     shape : number of points of the map along x1 and x2, after `transpose`.
@@ -257,7 +258,7 @@ def _pixel_size(file_pixel: Pair | None, given: Reading, shape: tuple[int, ...])
 
 
 def _notes_on_overrides(raw: Raw, given: Reading, height_unit: float | None) -> Iterator[str]:
-    """Yield a note if a unit or size from the caller differs from that of the file, or replaces an unreadable one."""
+    """Yield a note if a unit or size given by the caller differs from the file's or replaces an unreadable one."""
     if given.height_unit is not None and height_unit is not None:
         file_unit = raw.height_unit
         if file_unit is None and raw.unclear and raw.needs_unit:
@@ -338,7 +339,7 @@ def _pixel_errors(
 
 
 def _unknown_unit(path: Path, unclear: str) -> InputError:
-    """Make an InputError about a file without a unit of height.
+    """Make the InputError for a file whose unit of height is unknown.
 
     unclear : text in the file about the unit that could not be interpreted.
     """
@@ -353,7 +354,7 @@ def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator
 
     Such values are usually due to a wrong unit.
 
-    Units that the caller gives are not checked. The slope is checked only if the size and the rms height of the map are
+    Units given by the caller are not checked. The slope is checked only if the size and the rms height of the map are
     plausible.
     """
     is_size_given = given.size is not None or given.spacing is not None
@@ -387,7 +388,7 @@ def _sampled_deviation(topography: Topography) -> float:
 
 
 def _median_slope(topography: Topography) -> float:
-    """Return the larger median, along x1 or x2, of the slope between neighbouring points in a sample of lines.
+    """Return the median slope between neighbouring points in a sample of lines, along x1 or x2, whichever is larger.
 
     The median is not affected by spikes and undefined points.
     """
@@ -446,7 +447,7 @@ def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
 
 
 def _read_image(path: Path, options: Reading) -> Raw:
-    """Read an image as an array of numbers; each number is the largest of the red, green and blue value of a point."""
+    """Read an image as an array of numbers, each the largest of a pixel's red, green and blue values."""
     from PIL import Image
 
     with unprinted(), Image.open(path) as image:

@@ -39,7 +39,7 @@ class Seat:
 
     @property
     def load_factor(self) -> float:
-        """Ratio of two forces: the force normal to the faces, and the load that the user gives."""
+        """Ratio of the force normal to the faces to the load given by the user."""
         return 1.0
 
     def __post_init__(self) -> None:
@@ -82,7 +82,7 @@ class Seat:
         points : array, (points, 2)
             Positions in the plane of the seal [m].
         frame : object
-            Coordinate system of the seal, from which the distance between a point and the inlet follows.
+            Coordinate system of the seal, which gives the distance of a point from the inlet.
 
         Returns
         -------
@@ -315,7 +315,7 @@ class ProfileSeat(Seat):
     unit: str = described("unit of the lengths in the file", example="um")
 
     def depth(self, x: Array, breadth: float) -> Array:
-        """Return −z of the profile, whose middle lies in the middle of the seal's width."""
+        """Return −z of the profile, centred on the middle of the seal's width."""
         points = _read_profile(self.path, self.unit)
         position, z = points.T
         length = float(position[-1] - position[0])

@@ -116,7 +116,7 @@ def read_text(path: Path, options: Reading) -> Raw:
 
 
 def _apply_column_units(header: Header, table: MapOfTable, *, is_unit_given: bool) -> None:
-    """Set the pixel size and the unit of height of a table of coordinates from the units of its columns.
+    """Set the pixel size and height unit of a coordinate table, using the units of its columns.
 
     If no column has a known unit, all columns are taken to be in metres. If only the unit of the heights is known, the
     pixel size remains unknown.
@@ -164,7 +164,7 @@ def _read_numbers(file: TextIO, delimiter: str | None) -> tuple[NDArray, Header]
 
 
 def _refuse_second_map(text: str, comments: list[str], line_number: int) -> None:
-    """Raise InputError if a comment begins the header of a second map in the same file.
+    """Raise InputError if a comment is the start of a second map's header in the same file.
 
     text : the comment.
     comments : all comments of the file before this comment.
@@ -178,7 +178,7 @@ def _refuse_second_map(text: str, comments: list[str], line_number: int) -> None
 
 
 class _RowReader:
-    """Read lines of numbers one by one, and join them to a table."""
+    """Read lines of numbers one by one, and join them into a table."""
 
     def __init__(self, layout: _Layout) -> None:
         self.layout = layout
@@ -339,7 +339,7 @@ def _content(line: str, delimiter: str | None) -> int | str | None:
 
 
 def _is_faulty_row(line: str, delimiter: str | None, count: int) -> bool:
-    """Return whether the line above a table is a faulty row of the table, with an unknown word or with missing numbers.
+    """Return whether the line above a table is a faulty row of that table, one with an unknown word or missing numbers.
 
     A line whose numbers increase in equal steps is not a faulty row: such a line contains the coordinates of an axis.
 

@@ -92,7 +92,7 @@ class Header:
 
 
 def meaning_of(line: str) -> str:
-    """Return the key of `_MEANINGS` that the name in a line of a header belongs to; "" if the name is unknown."""
+    """Return the key of `_MEANINGS` for the name in a header line; "" if the name is unknown."""
     name, _ = _name_and_value(line)
     return _MEANING_OF.get(name, "")
 
@@ -139,7 +139,7 @@ def _read_lateral_lengths(
     """Find the sides and the pixel size in the entries of a header, and store them in `header`.
 
     entries : values in the header by their meaning, see `_MEANINGS`.
-    entry_lines : line of the header that contains each entry, by the meaning of the entry.
+    entry_lines : header line that contains each entry, keyed by the meaning of the entry.
     """
     lateral_unit = length_unit(entries.get("lateral unit", ""))
     header.sides = _two_lengths(entries, "side 1", "side 2", lateral_unit)

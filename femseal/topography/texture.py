@@ -128,11 +128,11 @@ class Spectrum:
 def spectrum(topography: Surface) -> Spectrum:
     """Find the shortest measured wave, the noise and the power law of a map without form and undefined points.
 
-    Three limits of the shortest measured wave are determined, and the largest limit counts. The grid limits the
-    shortest measured wave to two pixels of the larger spacing. If the spectrum ends with white noise, the noise limits
-    the shortest measured wave to the wavelength at which C is four times the density of the noise. If the spectrum
-    follows a power law, the instrument limits the shortest measured wave to the wavelength below which C is less than a
-    tenth of the power law.
+    Three lower limits on the shortest measured wave are determined; the largest one applies. Because of the grid, the
+    shortest measured wave is at least twice the larger pixel spacing. If the spectrum ends with white noise, the noise
+    limits the shortest measured wave to the wavelength at which C is four times the density of the noise. If the
+    spectrum follows a power law, the instrument limits the shortest measured wave to the wavelength below which C is
+    less than a tenth of the power law.
 
     For several patches, the spectrum of one patch is returned: the patch whose shortest measured wave is the longest.
     """
@@ -186,7 +186,7 @@ def _noise_floor(q: NDArray, density: NDArray, nyquist: float) -> float:
     """Return the spectral density of white noise [m⁴].
 
     If the spectral density is constant near the Nyquist wave number, this constant is the spectral density of the
-    noise. If the spectral density falls up to the Nyquist wave number, the noise counts as 0.
+    noise. If the spectral density falls up to the Nyquist wave number, the noise is taken to be 0.
 
     q : wave numbers (rings,) [rad/m].
     density : spectral density at the wave numbers (rings,) [m⁴].
@@ -222,7 +222,7 @@ class _Bins:
         return 1 / (self.variance + _MODEL_SCATTER**2)
 
     def part(self, first: int, last: int) -> _Bins:
-        """Return the bins from index `first` to index `last`, including the bin `last`."""
+        """Return the bins from index `first` to index `last`, inclusive."""
         bins = slice(first, last + 1)
         return _Bins(self.x[bins], self.y[bins], self.variance[bins])
 
@@ -322,10 +322,9 @@ def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None
     """Fit y = level + slope · max(x − bend, 0) to the bins by least squares; return None if the fit is not valid.
 
     Here x and y are log10 of wave number and spectral density, `level` and `slope` are unknown, and `bend` is given:
-    the x at which the plateau ends, or the x of the first bin if the spectrum has no plateau. The position of the end
-    of a plateau is uncertain, and this uncertainty is included in the standard error of the slope. If the deviations
-    from the fit are larger than expected from the variances of the bins, the standard error is increased by the same
-    ratio.
+    the x at which the plateau ends, or the x of the first bin if the spectrum has no plateau. The standard error of the
+    slope includes the uncertainty about where the plateau ends. If the deviations from the fit are larger than expected
+    from the variances of the bins, the standard error is increased by the same ratio.
     """
     beyond_bend = np.maximum(bins.x - bend, 0.0)
     weight = bins.weight
@@ -394,9 +393,9 @@ def texture(topography: Topography) -> Texture:
 
     Sal is the distance over which the autocorrelation falls to 0.2 in the direction of fastest decay. Str is the ratio
     of Sal to the distance over which the autocorrelation falls to 0.2 in the direction of slowest decay. If the
-    autocorrelation does not fall to 0.2 within the map in some direction, Str is computed with the size of the map in
-    this direction, and is an upper bound. Std is the direction, rounded to a degree, in which the mean autocorrelation
-    is largest; Std is NaN if Str > 0.5. All parameters are NaN for a flat map and for a map with a single row.
+    autocorrelation does not fall to 0.2 within the map in some direction, the size of the map in that direction is used
+    instead, and Str is an upper bound. Std is the direction, rounded to a degree, in which the mean autocorrelation is
+    largest; Std is NaN if Str > 0.5. All parameters are NaN for a flat map and for a map with a single row.
     """
     if topography.rms_height == 0 or min(topography.shape) < 2:
         return Texture(nan, nan, False, nan)

@@ -239,7 +239,7 @@ class Topography(Plotted):
 
     @property
     def shortest_patch(self) -> Topography:
-        """This map itself, which is the shortest measured patch of a surface with one patch."""
+        """The map itself, which is also the shortest patch of a surface with a single patch."""
         return self
 
     @property
@@ -334,7 +334,7 @@ class Topography(Plotted):
 
         If the heights at opposite sides of a map agree, the map repeats itself and has no tilt. A plane fitted to such
         a map would only follow the long waves, and subtracting the plane would create a step between the opposite
-        sides. If the order is None, the function therefore fits the mean, and the tilt along all axes along which the
+        sides. If the order is None, the function therefore fits the mean, plus the tilt along each axis on which the
         map is not `seamless`.
 
         Raises
@@ -372,7 +372,7 @@ class Topography(Plotted):
         """Interpolate the map by its Fourier series on another grid of the same area.
 
         The interpolation is exact for band-limited data. Waves that are too short for the new grid are removed, so that
-        there is no aliasing. The surface keeps its position, although the centres of the new pixels lie elsewhere.
+        there is no aliasing. The surface does not move, although the centres of the new pixels lie elsewhere.
 
         Parameters
         ----------
@@ -439,7 +439,7 @@ class Topography(Plotted):
         return self._with_new(fill_holes(self.heights, self.spacing, self.periodic))
 
     def crop(self, shape: Shape, start: Shape = (0, 0)) -> Topography:
-        """Cut out a part of the map. Along an axis that is shortened, the part is not periodic.
+        """Cut out a part of the map. The part is not periodic along an axis that was shortened.
 
         Parameters
         ----------
@@ -553,7 +553,7 @@ class Topography(Plotted):
         """Return the two-dimensional spectral density, averaged over all directions of the wave vector.
 
         The mean square height Sq² is the integral of C2D/4π² over the plane of wave vectors. The density is averaged in
-        rings of |q|. Each ring is as wide as the larger of the two steps between wave numbers, along x1 and along x2.
+        rings of |q|. The width of each ring is the larger of the wave-number steps along x1 and x2.
         If a part of a ring lies beyond the Nyquist wave number of an axis, only the other part of the ring contributes
         to the average. Rings without waves are left out.
 

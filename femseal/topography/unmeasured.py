@@ -4,10 +4,10 @@ Shorter waves: the power law of the measured spectrum is continued with random p
 at a wave vector q, L1 and L2 sides of the map. A wave and its conjugate have the amplitude √(C/L1 L2) each, so that
 Sq² = (1/4π²)∫C d²q. Source: Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001 (densities, slope).
 
-Longer waves: the longest wavelength of the surface is estimated, and the number of waves of this length in the patch.
-If the spectrum has a plateau, the longest wavelength is the roll-off wavelength. If the spectrum has no plateau, the
-longest wavelength is estimated as Sal/0.27: on self-affine patches that contain 3 to 5 waves of the roll-off
-wavelength, Sal is 0.25 to 0.30 of the roll-off wavelength.
+Longer waves: the longest wavelength of the surface is estimated, together with the number of such waves that fit into
+the patch. If the spectrum has a plateau, the longest wavelength is the roll-off wavelength. If the spectrum has no
+plateau, the longest wavelength is estimated as Sal/0.27: on self-affine patches that contain 3 to 5 waves of the
+roll-off wavelength, Sal is 0.25 to 0.30 of the roll-off wavelength.
 """
 
 from __future__ import annotations
@@ -210,8 +210,7 @@ def continue_spectrum(
     cut_off : float
         Shortest wave [m].
     shape : tuple of two int, optional
-        Number of points of the finer grid. Default: the number of points with which the wavelength `cut_off` has 8
-        pixels.
+        Number of points of the finer grid. Default: enough points for 8 pixels per wavelength `cut_off`.
     rng : int or sequence of int
         Seed of the phases.
     realisation : int
@@ -265,9 +264,9 @@ class Representative:
     longest : float
         Longest wave [m]: the roll-off wavelength, or an estimate from Sal. NaN for a flat surface.
     roll_off : float, optional
-        Wavelength where the plateau of the spectrum ends [m], None without a plateau.
+        Wavelength where the plateau of the spectrum ends [m]; None if there is no plateau.
     waves : tuple of two float
-        Number of longest waves that fit into the patch along x1 and along x2.
+        How many of the longest waves fit into the patch along x1 and along x2.
     rises : bool
         Whether the spectral density still increases up to waves as long as the patch, so that longer waves are to be
         expected.
@@ -275,8 +274,8 @@ class Representative:
         Wavelength in the middle of the octave of the longest waves [m], and mean spectral density in this octave [m⁴].
     hurst : float
         Hurst exponent of a power law through the mean densities of the octave of the longest waves and of the next
-        octave, limited to the range 0 to 1. If the spectrum rises, this power law continues the spectrum to longer
-        waves.
+        octave, limited to the range 0 to 1. If the spectrum rises, it is extrapolated to longer waves by this power
+        law.
     """
 
     longest: float
@@ -320,10 +319,10 @@ class Representative:
 def representative(patch: Surface) -> Representative:
     """Estimate the longest waves of a surface, and how many of them a patch contains.
 
-    The form must have been subtracted from the surface, and all points must be defined. For several patches, one patch
-    is described: the patch that contains the fewest of its longest waves. A narrow patch may have no waves in the
-    octave of the longest waves or in the next octave. The spectrum of such a patch does not count as rising, and the
-    density and the wavelength of an octave without waves are NaN.
+    The form must have been subtracted from the surface, and all points must be defined. Of several patches, the one
+    that contains the fewest of its own longest waves is described. A narrow patch may have no waves in the octave of
+    the longest waves or in the next octave. The spectrum of such a patch does not count as rising, and the density and
+    the wavelength of an octave without waves are NaN.
     """
     if not isinstance(patch, Topography):
         descriptions = [representative(single) for single in patch.patches]
