@@ -460,7 +460,7 @@ def critical_junction(
     that ⟨z²⟩ = 2π ∫ q′C dq′. The function G(y) is the integral ∫ (γ + 3(1 − γ) erf²x) e^(−x²) dx/x from y to ∞, with
     γ = 0.45.
 
-    The gap of the critical junction is set to 2u, but not to more than the mean gap. The factor 2 was determined from
+    The gap of the critical junction is set to 2u, but at most to the mean gap. The factor 2 was determined from
     simulations of 100 surfaces. With this factor, the median surface leaks as much as parallel plates with the gap of
     the critical junction. Persson's theory gives the gap d(Au)/dA instead of 2u. For elastic solids, d(Au)/dA is 2u to
     3u. For solids that yield, it may become arbitrarily large. A solid that yields is replaced by a softer elastic
@@ -507,10 +507,10 @@ def _gap_of_touching_parts(
     modulus : contact modulus E* [Pa].
     q : array (waves,), wave numbers [rad/m].
     power : array (waves,), contribution of each wave number to the mean square height [m²].
-    square_slope : array (waves + 1,), mean square slope of all waves up to each wave number, preceded by 0 for no
-        waves.
-    area : array (waves + 1,), contact fraction if only the waves up to each wave number are resolved, preceded by the
-        contact fraction without waves.
+    square_slope : array (waves + 1,), mean square slope of all waves up to each wave number. The first entry, without
+        any waves, is 0.
+    area : array (waves + 1,), contact fraction if only the waves up to each wave number are resolved. The first entry
+        is the contact fraction without waves.
     """
     x, erf_x, G = _gap_integral()
     # An elastic solid with the contact modulus E and the rms slope h′ has the contact fraction erf(√2 p̄/(E h′)). E is

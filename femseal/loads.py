@@ -150,7 +150,7 @@ class LoadProgramme(tuple[LoadStep, ...]):
     def peak_indices(self) -> Indices:
         """Index of the loading step at the peak from which each step is unloaded, (steps,).
 
-        The entry for a loading step is the index of the step itself.
+        For a loading step, the entry is the index of the step itself.
         """
         peaks = (s.pressure if s.unloaded_from is None else s.unloaded_from for s in self)
         return np.array([self.loading.index(peak) for peak in peaks], dtype=np.int64)
@@ -303,7 +303,7 @@ def least_counted(leakage: Array) -> float:
 
 
 def _loads_text(loads: Sequence[float], unit: str) -> str:
-    """Write a list of loads and their unit as text for a message; the text for no loads is "an empty list"."""
+    """Write a list of loads and their unit as text for a message; without loads, the text is "an empty list"."""
     return ", ".join(to_text(load, unit) for load in loads) or "an empty list"
 
 

@@ -30,7 +30,7 @@ def explain(error: ValidationError, data: dict[str, Any]) -> list[InputError]:
 
     Parameters
     ----------
-    error : error that `Case.model_validate` has raised, with a list of all errors of the case.
+    error : error raised by `Case.model_validate`, which lists all errors of the case.
     data : tables that were validated.
     """
     by_message: dict[str, InputError] = {}

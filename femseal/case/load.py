@@ -247,7 +247,7 @@ class LoadTable(Table):
     def peaks(self) -> tuple[float, ...]:
         """Loads from which the seal is unloaded.
 
-        If the case has a relaxation but no `unload_from`, the seal is unloaded from every load.
+        With a relaxation but no `unload_from`, the seal is unloaded from every load.
         """
         if self.unload_from or not self.relaxation:
             return self.unload_from

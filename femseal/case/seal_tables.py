@@ -153,8 +153,8 @@ class SealTable(ParameterTable):
 def _read_lay(value: Any) -> Any:
     """Check a lay, and return it in SI units.
 
-    A spiral and an angle are returned as dictionaries with numbers in SI units. A lay in a file is returned unchanged,
-    because the file is read later.
+    A spiral and an angle are returned as dictionaries with numbers in SI units. If the lay is given in a file, it is
+    returned unchanged, because the file is read later.
     """
     with as_value_error():
         lay = parse_lay(value)

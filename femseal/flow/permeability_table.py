@@ -143,7 +143,7 @@ class PermeabilityTable:
 def tabulate(
     pressures: Sequence[float] | Array, values: Sequence[Any], piecewise: bool = False
 ) -> Any:
-    """Make a table of the permeabilities at several pressures; for a single pressure, return the only permeability."""
+    """Make a table of the permeabilities at several pressures; for a single pressure, return its permeability."""
     if len(values) == 1:
         return values[0]
     return PermeabilityTable(tuple(pressures), np.array(values), piecewise)

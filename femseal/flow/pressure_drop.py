@@ -177,7 +177,7 @@ class PressureDrop:
         return solved.solution, drop
 
     def at_constriction(self, gap: Array, spacing: tuple[float, float]) -> PressureDrop:
-        """Return the same pressure drop, with the gap at the critical constriction of a face as the reference gap.
+        """Return the same pressure drop, but with the gap at the critical constriction of a face as the reference gap.
 
         The face is periodic along x2. If the face is closed, the unit potential drop of a viscous fluid is returned.
 

@@ -226,7 +226,7 @@ def _links_of_partial_turn(
 ) -> list[_SeamLink]:
     """Make the links across the seam of a face that covers less than a full turn.
 
-    cut : network of the face without links over the seam, that is, from the last column to the first column.
+    cut : network of the face without the links over the seam (from the last column to the first).
     conductance : array (n1,), conductance of the link over the seam in each row, for grooves without a lead.
     shift : lead in pixels.
     weight : fraction w of a turn that the face covers.

@@ -53,8 +53,7 @@ class LinearSolution:
     iterations : number of iterations of conjugate gradients; 0 for a direct solution.
     residual : estimated relative error in the energy norm ("amg"), or ‖b − Ax‖/‖b‖ ("direct").
     solver : name of the solver that was used, "amg" or "direct"; "none" if there was no unknown.
-    remainder : difference between the solution and x, which is the solution rounded to double precision; 0 if the
-        difference is not known.
+    remainder : difference between the solution and x (the solution rounded to double precision); 0 if it is not known.
     """
 
     x: Array
@@ -243,7 +242,7 @@ class _BoundaryFlow:
         return np.asarray(np.bincount(rows, flow, len(x)))
 
     def _residual(self, x: Array, remainder: Array) -> Array:
-        """Compute the residual for the potential x + remainder, which is the net flow into each unknown."""
+        """Compute the residual for the potential x + remainder, that is, the net flow into each unknown."""
         inflow = self.ends.inflow(x, remainder).sum(axis=0)
         return np.asarray(inflow - self._between_unknowns(x) - self._between_unknowns(remainder))
 

@@ -48,7 +48,7 @@ def eliminate(stencil: Stencil, unknown: Flags, φ: Array, ψ: Array) -> float:
 
     Returns
     -------
-    Conductance between inlet and outlet of the network that consists of the unknown nodes.
+    Conductance between inlet and outlet of the network of unknown nodes.
     """
     order, first, parent = _nested_dissection(unknown, stencil.ring2)
     later, links = _list_links(order, stencil.along, stencil.across, φ)
