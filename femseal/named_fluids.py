@@ -5,8 +5,8 @@ CoolProp computes the density and the viscosity at the mean of inlet and outlet 
 ideal gas with a constant viscosity. A named liquid has a constant density and a constant viscosity.
 
 The pressure potential of a real gas is φ = ∫ρ/η dp, with the density ρ and the viscosity η from CoolProp. The potential
-is tabulated once for each gas and temperature. In narrow gaps, the gas flows by the law of Fukui and Kaneko with the
-mean free path of the real gas, which is proportional to η/ρ.
+is tabulated once for each gas and temperature. In narrow gaps, the flow follows the law of Fukui and Kaneko. The mean
+free path in this law is that of the real gas, proportional to η/ρ.
 """
 
 from __future__ import annotations
@@ -517,9 +517,9 @@ def _properties(name: str, temperature: float, pressure: ArrayLike) -> tuple[Arr
 def _table(name: str, temperature: float) -> _Table:
     """Tabulate the potential of a gas at a temperature [K].
 
-    A cubic spline interpolates the slope dφ/dp = ρ/η. The integral of this spline is the potential φ. At the midpoint
-    between two neighbouring pressures of the table, the interpolated slope is compared with the exact slope. Where the
-    error is too large, the midpoint is added to the table. This is repeated until all errors are small enough.
+    A cubic spline interpolates the slope dφ/dp = ρ/η. The integral of this spline is the potential φ. Midway between
+    neighbouring pressures of the table, the interpolated slope is checked against the exact slope. Where the error is
+    too large, the midpoint is added to the table. This is repeated until all errors are small enough.
     """
     from scipy.interpolate import CubicSpline
 
@@ -596,9 +596,9 @@ class IdealGasError:
 def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
     """Compute the leakage with an ideal gas, divided by the leakage with the corresponding real gas.
 
-    The real gas is the gas in CoolProp with the molar mass of the ideal gas. If several gases have this molar mass, the
-    one with the closest viscosity is chosen. If CoolProp has no viscosity for the gas with the closest molar mass, the
-    ratio of the leakages is unknown.
+    The corresponding real gas is the CoolProp fluid with the same molar mass. If several gases have this molar mass,
+    the one with the closest viscosity is chosen. If CoolProp has no viscosity for the gas with the closest molar mass,
+    the ratio of the leakages is unknown.
 
     Parameters
     ----------
@@ -678,7 +678,7 @@ def _recognise_gas(gas: Any) -> str:
 
 
 def _mass_differences(gas: Any) -> dict[str, float]:
-    """Find the fluids in CoolProp that have nearly the same molar mass as a gas.
+    """Find the CoolProp fluids with nearly the same molar mass as a gas.
 
     Returns a dictionary that maps the name of each fluid to the relative difference of the two molar masses.
     """

@@ -3,10 +3,10 @@
 Results are identical to the last bit for any number of threads, because the division of an array into parts only
 depends on its size, and the values of the parts are added in a fixed order.
 
-Compiled loops are cached on disk. Compiled loops release the global lock of the Python interpreter, so that several
-threads can run compiled loops at the same time. By default, Numba also compiles two entry points for each function: one
-for calls from C, and one for calls from Python. This module always omits the entry point for C. It also omits the one
-for Python if the function is only called from compiled code. This saves a twelfth of the compile time.
+Compiled loops are cached on disk. They release the global interpreter lock (GIL), so that several threads can run them
+at the same time. By default, Numba also compiles two entry points for each function: one for calls from C, and one for
+calls from Python. This module always omits the entry point for C. It also omits the one for Python if the function is
+only called from compiled code. This saves a twelfth of the compile time.
 """
 
 from collections.abc import Callable, Iterable, Iterator

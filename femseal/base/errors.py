@@ -80,7 +80,7 @@ class InputError(FemsealError, ValueError):
         return f"{shortened(self.what)}: {description}expected {self.expected}"
 
     def inside(self, table: str) -> InputError:
-        """Return a copy of the error in which the table precedes the name of the input, as in "load.map"."""
+        """Return a copy of the error whose input name is prefixed with the table, as in "load.map"."""
         return InputError(f"{table}.{self.what}", self.given, self.expected, self.suggested)
 
     def with_keys(self, keys: Mapping[str, str]) -> InputError:
@@ -145,7 +145,7 @@ class InputErrors(InputError):
 
 
 def shortened(value: object, longest: int = _LONGEST) -> str:
-    """Return the text of a value on one line for a message; the middle of a long text is left out.
+    """Return a value as one line of text for a message, omitting the middle if it is long.
 
     Examples
     --------

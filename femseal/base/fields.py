@@ -72,8 +72,8 @@ class Field:
     dimensions : tuple of str
         Names of the dimensions, in the order of the axes.
     heading : str
-        Heading of the column in printed tables, "" if no table contains the field. Only a field with one value for each
-        load step can be a column of a table and have a heading.
+        Heading of the column in printed tables, "" if no table contains the field. Only fields with one value per load
+        step can be table columns and have a heading.
     """
 
     name: str

@@ -68,8 +68,8 @@ def read_plain(path: Path, largest: float) -> bytes:
 def remove_foreign(path: Path) -> None:
     """Remove a link, pipe or device at the path of a file that is to be written.
 
-    Writing to a link, pipe or device could change something in another place. A regular file with further hard links is
-    removed as well; other regular files and folders stay.
+    Writing to a link, pipe or device could have effects elsewhere. A regular file with further hard links is removed as
+    well; other regular files and folders stay.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def is_inside(folder: Path, name: Path) -> bool:
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary path in the same folder, which replaces `path` when the context ends.
 
-    The temporary path has the same suffix as `path`. If an exception occurs, the temporary file is removed and an
+    The temporary file has the same suffix as `path`. If an exception occurs, the temporary file is removed and an
     existing file at `path` stays unchanged.
 
     Raises

@@ -64,8 +64,8 @@ def fixed_point(
     state : array
         Initial state, NaN where the state is undefined.
     rtol : float
-        Largest relative error of the rate. From the third solution on, the relative change of the rate since the
-        previous solution is taken as its error.
+        Largest relative error of the rate. From the third solution on, the error is taken to be the relative change
+        since the previous solution.
     name : str
         Name of the problem, for the error message.
 

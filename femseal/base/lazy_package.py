@@ -24,8 +24,8 @@ def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return the functions `__getattr__` and `__dir__` of a package whose names are loaded on first use.
 
     The package has two kinds of names: the names of its modules, and the names that its `__init__.py` imports under
-    `TYPE_CHECKING`. An imported name must differ from the names of all modules. Otherwise the module would replace the
-    imported object, because Python stores a loaded module under its name in the package.
+    `TYPE_CHECKING`. No imported name may be the name of a module. Otherwise the module would replace the imported
+    object, because Python stores each loaded module in the package under its name.
     """
     module = sys.modules[package]
 

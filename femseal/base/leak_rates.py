@@ -9,8 +9,8 @@ Pa.
 The table `_TABLE` contains the limits of the classes and the edition of each standard. The limits of ISO 5208, which EN
 12266-1 has adopted, apply to closed valves and are multiplied by the nominal diameter in mm. Class A of ISO 5208
 requires that no leakage is visible during the test; here it requires a leakage of 0. The limits of API 598 and FCI 70-2
-apply to the seat of a valve, and depend on the diameter of the seat. The limits of ISO 15848-1 apply to the stem of a
-valve, and depend on the diameter of the stem.
+apply to the seat of a valve and depend on its diameter. Likewise, the limits of ISO 15848-1 apply to the valve stem and
+depend on the stem diameter.
 
 Instead of a class, the user can give a limit of the leakage with its unit, such as "5 mL/min".
 """
@@ -41,7 +41,7 @@ DROP, BUBBLE = 0.05e-6, 0.15e-6
 
 @dataclass(frozen=True)
 class LeakBasis:
-    """Hold the quantities that are needed to convert a volume rate per length of seal to other units.
+    """Hold the quantities needed to convert a volume rate per length of seal to other units.
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ class LeakBasis:
         Raises
         ------
         InputError
-            The leakage cannot be given in the unit, for example a unit of gases for a liquid.
+            The leakage cannot be expressed in the unit, for example because the unit is only defined for gases.
         """
         alternative = self.lacks(unit)
         if alternative:
@@ -148,7 +148,7 @@ class LeakBasis:
         return pressure
 
     def units(self, names: Iterable[str] = USUAL_UNITS) -> list[LeakUnit]:
-        """Return the units with the given names, except units in which the leakage cannot be given."""
+        """Return the units with the given names, leaving out those in which the leakage cannot be expressed."""
         return [LEAK_UNITS[name] for name in names if self.has(LEAK_UNITS[name])]
 
     def readable(self, values: ArrayLike) -> LeakUnit:
@@ -162,7 +162,7 @@ class LeakBasis:
         return readable_unit(reals(values) * self.length, per_length=False)
 
     def usual_unit(self, value: float) -> LeakUnit:
-        """Choose the unit in which engineers usually give the leakage of a whole seal, for a leakage of `value` [m²/s].
+        """Choose the customary unit for the leakage of a whole seal that leaks `value` [m²/s] per length.
 
         The leakage of a gas is given in standard litres per minute if it is at least 1 std L/min, and otherwise in
         mbar·L/s, the unit of leak tests. The leakage of a liquid is given in L/min, mL/min, drops per minute, drops per
@@ -190,7 +190,7 @@ _VI_LIMITS = np.array([0.15, 0.30, 0.45, 0.60, 0.90, 1.70, 4.00, 6.75, 11.1, 16.
 def _nominal_inches(diameter: float) -> float:
     """Convert a nominal diameter [m] to the nominal pipe size of API 598, in inches rounded down to half inches.
 
-    Return 0 for pipe sizes up to 2 inches, because API 598 allows no leakage of valves of these sizes.
+    Return 0 for pipe sizes up to 2 inches, for which API 598 allows no leakage.
     """
     # a nominal inch has 25 mm; the small number prevents that a size is rounded down because of rounding errors
     size = int(2 * diameter / 0.025 + 1e-9) / 2
@@ -236,14 +236,14 @@ _MULTIPLIERS = {
 
 @dataclass(frozen=True)
 class LeakClass:
-    """Describe a leakage class. A seal is in the class if its leakage does not exceed the limit.
+    """Describe a leakage class. A seal meets the class if its leakage does not exceed the limit.
 
     Parameters
     ----------
     name : str
         Name in the standard.
     family : str
-        The standard, or "" for a limit that the user has given.
+        The standard, or "" for a user-defined limit.
     amount, gas_amount : float
         Limit for liquids and for gases, in `unit`.
     unit : str

@@ -174,8 +174,8 @@ def leak_unit(text: str) -> LeakUnit:
 def _factors(text: str) -> _Factors:
     """Split the text of a unit into the factors of its numerator and of its denominator.
 
-    Everything after a slash belongs to the denominator, because people write mg/s·m for mg/(s·m). The result is two
-    empty tuples if the unit cannot be read.
+    Everything after a slash belongs to the denominator, because people write mg/s·m for mg/(s·m). If the unit cannot be
+    read, both tuples are empty.
 
     >>> _factors("mbar·L/s"), _factors("mg/s·m")
     ((('L', 'mbar'), ('s',)), (('mg',), ('m', 's')))

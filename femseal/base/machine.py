@@ -104,10 +104,10 @@ def sharing() -> Iterator[None]:
 
 @contextmanager
 def storing(folder: Path | None, memory: float | None = None) -> Iterator[None]:
-    """Store large arrays in files of a folder if `shared_empty` creates them inside the `with` block.
+    """Inside the `with` block, let `shared_empty` store large arrays in files of a folder.
 
-    folder : folder of the files; None for the system's folder for temporary files.
-    memory : memory that the run may use [byte], at most the free memory; None for the free memory.
+    folder : folder for the files; None for the system's temporary folder.
+    memory : upper limit of the memory that the run may use [byte]; None for no limit besides the free memory.
     """
     _stores.append((folder, math.inf if memory is None else memory))
     try:
@@ -153,7 +153,7 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
 
 
 def _unnamed_file(on_disk: bool) -> Any:
-    """Open a temporary file that has no entry in a folder: on disk, in the folder of `storing`, or in memory."""
+    """Open a temporary file without a folder entry, either in memory or on disk in the folder of `storing`."""
     if not on_disk:
         return open(os.memfd_create("femseal"), "r+b")
     folder = _stores[-1][0] if _stores else None
@@ -177,7 +177,7 @@ def give_back(array: NDArray[Any]) -> None:
 
 
 def one_at_a_time(states: NDArray[Any]) -> Iterator[NDArray[Any]]:
-    """Yield the array of each state; after each state, release its memory if the states are stored in a file."""
+    """Yield the array of each state, and then release its memory if the states are stored in a file."""
     for state in states:
         yield state
         give_back(states)

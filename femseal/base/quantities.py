@@ -176,7 +176,7 @@ def _expected_quantity(unit: str, like: str) -> str:
 
 
 def _rounded(value: float) -> float:
-    """Round a product to 15 digits, because the factors of unit prefixes are not exact in binary.
+    """Round a product to 15 digits, because unit prefixes are not exactly representable in binary.
 
     For example, 3 times 1e-6 becomes exactly the number 3e-6.
     """
@@ -184,7 +184,7 @@ def _rounded(value: float) -> float:
 
 
 def _kelvin(number: float, unit: str) -> float | None:
-    """Convert a temperature to kelvin without checking its range; return None if the unit is no unit of temperature."""
+    """Convert a temperature to kelvin without a range check; return None if `unit` is not a temperature unit."""
     scale = _TEMPERATURE.fullmatch(unit)
     if scale is not None:
         # the group of the pattern is the letter or name of the scale; ℃ and ℉ match without a group

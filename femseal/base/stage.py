@@ -18,8 +18,7 @@ class Stage:
     name : str
         Readable description of the computation, for the progress display, the log, the timings and the report.
     function : callable
-        Function that computes the result of one item. The function must be picklable, because it is sent to other
-        processes.
+        Function that computes the result of one item. It must be picklable, because it is sent to other processes.
     memory : float
         Memory that one call of `function` needs [byte], or 0 if this memory is negligible. The memory limits the number
         of simultaneous calls.

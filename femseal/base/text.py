@@ -34,8 +34,7 @@ class TextTable:
     lines : tuple of tuples of str
         Rows, with one text for each column.
     names : int
-        Number of columns, counted from the left, that contain names and are aligned to the left. Columns with numbers
-        follow and are aligned to the right.
+        Number of left-aligned columns that contain names. They are followed by right-aligned columns of numbers.
     grouped : bool
         Whether the first column contains the name of a group of rows. The terminal shows the name of each group in a
         separate line above its rows.
@@ -263,8 +262,8 @@ class Plotted:
         Parameters
         ----------
         **options
-            Options of the function in `femseal.plots` that draws results of this class. A picture with a single panel
-            has the option `ax` for the axes to draw into, so that several results can share a figure.
+            Options of the function in `femseal.plots` that draws results of this class. For a picture with a single
+            panel, pass axes as `ax` to combine several results in one figure.
 
         Returns
         -------

@@ -147,7 +147,7 @@ def field(
     shape : tuple of two int, optional
         Shape that the array must have.
     copy : bool
-        Whether to copy the values even if they are an array of the right kind already.
+        Whether to copy the values even if they already form an array of the right type.
     undefined : bool
         Whether points may be undefined (NaN).
     """
@@ -232,7 +232,7 @@ def described(
     meaning : str
         Short description of the key.
     example : object
-        Example of a value, as written in TOML. Default: the default value of the field.
+        Example of a value, as written in TOML; by default, the field's own default value.
     since : str
         First version of femseal that has the key.
     default : object

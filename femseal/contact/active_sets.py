@@ -30,12 +30,11 @@ from .workspace import Loops, Problem, Workspace
 
 
 class StepLimits(NamedTuple):
-    """Limits for the steps of conjugate gradients in one iteration of the contact solver.
+    """Limits for the conjugate-gradient steps in one iteration of the contact solver.
 
     after_change : maximum number of conjugate-gradient steps if the iteration has changed the active sets.
     without_change : maximum number of conjugate-gradient steps if the iteration has not changed the active sets.
-    drop : the steps end when w·r, the squared energy norm of the residual, has fallen to this fraction of its initial
-        value.
+    drop : fraction of its initial value below which w·r, the squared energy norm of the residual, ends the steps.
     """
 
     after_change: int
@@ -161,8 +160,8 @@ def solve_active_sets(
     limit : int
         Largest number of iterations.
     tangents : Tangents, optional
-        Tangents of a curved law. The method `tangents.evaluate` replaces `projection.evaluate`, and updates the
-        hardness and slope of each point in `problem`.
+        Tangents of a curved law. If given, `tangents.evaluate` is called instead of `projection.evaluate`. It updates
+        the hardness and slope of each point in `problem`.
 
     Returns
     -------
@@ -306,9 +305,9 @@ def _evaluate(
     """Compute δ and the residual for the step length c [Pa/m], and decide whether the active sets should be changed.
 
     Only the listed points near contact are considered: at all other points, v was above `reach` when the list was made.
-    If δ exceeds `reach`, a new list is made, provided that v is accurate at all points (`is_fresh`). Steps of conjugate
-    gradients update v only at the listed points. After a step of conjugate gradients, no new list is therefore made
-    until the next product of K with the pressure.
+    If δ exceeds `reach`, a new list is made, provided that v is accurate at all points (`is_fresh`). Conjugate-gradient
+    steps update v only at the listed points. After such a step, no new list is therefore made until K is next
+    multiplied by the pressure.
     """
     delta = previous.delta
     while True:
@@ -341,7 +340,7 @@ def _change_sets(
 ) -> tuple[Lists, float]:
     """Change the active sets: set the pressure p to the projection y, and compute v from the new pressure.
 
-    keep : whether a free point that remains elastic, or continues to harden, retains its present pressure.
+    keep : whether a free point keeps its pressure if it remains elastic or continues to harden.
 
     Returns how many points the new lists contain, and the energy of the new pressure.
     """

@@ -122,7 +122,7 @@ class Convolution:
         Number of threads.
     over : Convolution, optional
         Another convolution with the same compliance K and at least the same precision. The two convolutions share all
-        memory except `pressure`. A call of `apply` for one convolution overwrites the displacement of the other.
+        memory except `pressure`. Calling `apply` on one overwrites the displacement of the other.
 
     Attributes
     ----------
@@ -270,7 +270,7 @@ class ReorderedRows(Rows):
 
     order1 : order in which the rows are copied. On small grids, this is the order of the transform along the first
         axis; on large grids, it is the order of the grid.
-    is_mirror : whether points are reordered along at least one axis.
+    is_mirror : whether at least one axis is a mirror, so that its points are reordered.
     """
 
     def __init__(
@@ -297,7 +297,7 @@ class ReorderedRows(Rows):
         return [partial(copy_in_order, self.pressure, self.target, *self.orders, first, end)]
 
     def after(self, first: int, end: int) -> list[Call]:
-        """Return the call that copies the points back to the order of the grid; none if the order was not changed."""
+        """Return the call that restores the grid order of the points, or no call if they were not reordered."""
         if self.displacement is None:
             return []
         return [partial(copy_back, self.target, self.displacement, *self.orders, first, end)]
@@ -336,11 +336,11 @@ class StridedColumns:
 
     @property
     def row_length(self) -> int:
-        """Distance in memory between successive columns of a block, as a number of waves."""
+        """Stride between successive columns of a block, counted in waves."""
         return self.length
 
     def calls(self, planned: Planned, threads: int) -> list[list[Call]]:
-        """Return, for each thread, the calls that replace the waves of pressure rows by waves of displacement rows."""
+        """Return, for each thread, the calls that turn the waves of the pressure into waves of the displacement."""
         n_columns = self.waves.shape[1]
         kind = self.waves.dtype
         column_bytes = self.transforms * self.length * kind.itemsize
@@ -391,7 +391,7 @@ class StridedColumns:
         return self.mixing_response(block, first, count)
 
     def mixing_response(self, block: Any, first: int, count: int) -> Call:
-        """Make the call that applies K to the waves in a block, for a mirror axis or two transforms of each column."""
+        """Make the call that applies K to the waves in a block, if K mixes waves or each column has two transforms."""
         is_twisted = self.transforms > 1
         return partial(
             multiply_mixing, block, self.length, first, count, self.weights, is_twisted, *self.turns
@@ -411,7 +411,7 @@ class CopiedColumns(StridedColumns):
 
     @property
     def row_length(self) -> int:
-        """Distance in memory between successive columns of a block, as a number of waves, with unused cache lines."""
+        """Stride between successive columns of a block, counted in waves and including unused cache lines."""
         return row_length(self.length, self.waves.dtype.itemsize)
 
     def calls_of_block(
@@ -445,7 +445,7 @@ def padded_length(n: int) -> int:
 
 
 def row_length(waves: int, itemsize: int) -> int:
-    """Compute the distance in memory between successive rows, as a number of waves, with unused cache lines."""
+    """Compute the stride between successive rows, counted in waves and including unused cache lines."""
     lines = math.ceil(waves * itemsize / LINE)
     if lines <= _LINES:
         return waves

@@ -1,8 +1,8 @@
 """Approximate the curve H(u) of a contact law by cubic pieces, which compiled loops can evaluate.
 
 Curves that consist of cubic pieces between known depths, such as tables and coatings of constant hardness, are
-represented exactly. All other curves are divided into pieces so short that a cubic through four points of a
-piece agrees with the curve to eleven digits.
+represented exactly. All other curves are divided into pieces that are short enough for a cubic through four of their
+points to match the curve to eleven digits.
 """
 
 from __future__ import annotations

@@ -141,11 +141,10 @@ def solve_curved_law(law: ContactLaw, level: Level, rtol: float) -> Contact:
 def _solve_on_nested_grids(curve: _Curve, level: Level, rtol: float) -> Contact:
     """Solve a contact with a curved law on nested grids, beginning with the coarsest grid.
 
-    The straight line of `level` is the tangent of the curve at u = 0. The contact on a coarse grid is first solved with
-    the straight line, because the solver is faster with a line than with a curve. If the line differs from the curve at
-    the plastic deformations that result, the curve is used on all finer grids. The straight line is often sufficient:
-    on first loading if the plastic deformations remain within a constant part of the curve, and on unloading if no
-    point yields again.
+    The straight line of `level` is the tangent of the curve at u = 0. On a coarse grid, the contact is first solved
+    with the straight line, which is faster. If the resulting plastic deformations lie where the line deviates from the
+    curve, the curve is used on all finer grids. The straight line often suffices: on first loading, if the plastic
+    deformations stay within a constant part of the curve; on unloading, if no point yields again.
     """
     offset = float(level.gap0.min())
     start, delta, needs_curve = _start_from_coarser_grids(curve, level, offset)

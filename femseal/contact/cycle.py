@@ -338,7 +338,7 @@ def _solve_step(
     """Solve the contact state of one load step.
 
     is_peak : whether to include the plastic deformation in the result, as needed for unloading from this step.
-    before : for a step of an unloading, the solved step at the peak load; otherwise the previous step of first loading.
+    before : at unloading steps, the solved step at the peak load; otherwise, the previous step of first loading.
     """
     options = {} if remember is None else {"remembered": before.memory}
     deformation = before.deformation

@@ -49,8 +49,8 @@ class _Law(NamedTuple):
 
     hardness : hardness H [Pa].
     slope : hardening modulus h [Pa/m].
-    limit : largest pressure [Pa]: H for a perfectly plastic point, infinite for a point that can harden.
-    compliance : compliance [m/Pa]: 0 for a perfectly plastic point, 1/h for a point that can harden.
+    limit : largest pressure [Pa], which is H for perfectly plastic points and infinite for points that can harden.
+    compliance : compliance [m/Pa], which is 0 for perfectly plastic points and 1/h for points that can harden.
     """
 
     hardness: Array
@@ -116,7 +116,7 @@ def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit:
 def _project(
     p: Array, v: Array, c: float, delta: float, problem: Problem, law: _Law
 ) -> tuple[float, Array]:
-    """Project trial pressures onto the contact law, for the approach δ at which the projected pressures carry the load.
+    """Project trial pressures onto the contact law, choosing the approach δ such that the result carries the load.
 
     The trial pressure of a point is z = p − c (v − δ), with the pressure p, the displacement plus undeformed gap v, and
     the stiffness c. The projected pressure is y = 0 for z < 0, y = z for z between 0 and the hardness H, and
@@ -168,8 +168,8 @@ def _gradient_step(
 def _move(grid: Workspace, p: Array, v: Array, d: Array, delta: float, law: _Law) -> float:
     """Move p (n,) along d (n,) to the lowest energy, but not beyond p + d; return d·Kd.
 
-    The pressure p + d is within the bounds and carries the load. If the energy does not fall along d, p remains as it
-    is, and 0 is returned. With hardening, the position of the lowest energy is only estimated. Because the energy is
+    The pressure p + d is within the bounds and carries the load. If the energy does not fall along d, p is left
+    unchanged and 0 is returned. With hardening, the position of the minimum is only estimated. Because the energy is
     convex, the energy at the estimated position is nevertheless lower than at p. The displacement plus undeformed gap v
     (n,) is updated for the new pressure.
     """

@@ -10,7 +10,7 @@ r, w, d : residual, preconditioned residual and search direction.
 ones : M1, the preconditioner applied to a vector of ones.
 hardening_compliance : compliance a = 1/h [m/Pa] of a point that yields and hardens, and 0 for an elastic point.
 scale : factor s = 1/√(1 + a m) of each free point, where m is the middle weight of the stencil M. With hardening, the
-    preconditioner is s M s, so that the factor s takes the compliance a into account.
+    preconditioner is s M s; the factor s accounts for the compliance a.
 
 Other arrays
 ------------
@@ -49,7 +49,7 @@ def restart(
 
 @fast_loop
 def set_scale(first, end, slope, state, dense, free, hardening_compliance, scale, weights):
-    """Compute the compliance a and the factor s of some free points, and write s to `dense` to compute M1."""
+    """Compute the compliance a and the factor s of some free points, and store s in `dense` to prepare M1."""
     for k in range(first, end):
         i = free[k]
         hardening_compliance[k] = 1.0 / value_at(slope, i) if state[i] == 3 else 0.0
@@ -95,8 +95,8 @@ def next_direction(
 ):
     """Compute the next search direction d = w + β d with β = w·r / previous_wr, and copy d to `dense`.
 
-    The preconditioned residual w is M r minus a multiple of M1. The multiple is chosen such that Σ w = 0, so that the
-    steps do not change the load.
+    The preconditioned residual w is M r minus a multiple of M1, chosen such that Σ w = 0 and the steps do not change
+    the load.
 
     previous_wr : product w·r of the previous direction; infinite if there is no previous direction.
 
@@ -179,7 +179,7 @@ def list_response(first, end, kd, compliance, columns, near, response):
 
 @fast_loop
 def curvatures(first, end, place, d, hardening_compliance, response):
-    """Compute the parts of the sums d·Kd, d·d and d·(Kd + a d) that some free points contribute."""
+    """Compute the contributions of some free points to the sums d·Kd, d·d and d·(Kd + a d)."""
     place, d, hardening_compliance = place[first:end], d[first:end], hardening_compliance[first:end]
     curvature = 0.0
     squared_length = 0.0

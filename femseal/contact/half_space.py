@@ -370,8 +370,8 @@ def stiffness_stencil(half_space: HalfSpace) -> Array:
     On a periodic grid, the inverse of K is a convolution with the symbol E*|q|/2. The nine weights are the kernel of
     this convolution at the offsets −1, 0 and 1 along both axes.
 
-    If one side of the pixels is much longer than the other, the stencil with these weights is not positive definite.
-    For such pixels, all weights except the middle weight are set to 0.
+    For very elongated pixels, a stencil with these weights would not be positive definite. In this case, all weights
+    except the middle one are set to 0.
     """
     # symbol of the inverse of K on a periodic grid of 64² pixels
     q1, q2 = (2 * np.pi * np.abs(np.fft.fftfreq(64, d)) for d in half_space.spacing)

@@ -288,7 +288,7 @@ class CoatedLaw(ContactLaw):
         return np.maximum(u - self.thickness, 0.0)
 
     def _passed(self, u: Array) -> Array:
-        """Return a coordinate x that increases from 0 at u = d to 1 at u = 1.1 d, with the coating thickness d."""
+        """Return a coordinate x that rises from 0 at u = d to 1 at u = 1.1 d, where d is the coating thickness."""
         return np.clip((u / self.thickness - 1) / _PASSAGE, 0.0, 1.0)
 
     def _share(self, u: Array) -> Array:

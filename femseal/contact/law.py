@@ -298,8 +298,8 @@ class ShiftedLaw(NamedTuple):
 class LinearHardening(ContactLaw):
     """Contact law of points that harden linearly with their plastic deformation: H(u) = H + h u.
 
-    During unloading, the yield pressure H + h u that a point has reached remains constant. Reloading is elastic up to
-    the earlier peak load, unless points have yielded again during unloading. At loads above the earlier peak load, the
+    During unloading, a point keeps the yield pressure H + h u that it has reached. Reloading is elastic up to the
+    earlier peak load, unless points have yielded again during unloading. At loads above the earlier peak load, the
     contact follows the curve of first loading.
 
     Parameters
@@ -433,7 +433,7 @@ class _ChangedLaw(ContactLaw):
         return max(0.0, self.law.constant_depth - float(np.max(self.earlier_deformation)))
 
     def shifted(self) -> ShiftedLaw:
-        """Combine the factor, u₀ and p_f of this law with the factor, u₀ and p_f of its original law."""
+        """Merge factor, u₀ and p_f of this law with those of the law from which it is derived."""
         inner = self.law.shifted()
         return ShiftedLaw(
             inner.law,
@@ -485,8 +485,8 @@ class _ChangedLaw(ContactLaw):
 class SofterOf(ContactLaw):
     """Contact law of two bodies. At each depth u the softer body yields: H(u) = min(H₁(u), H₂(u)).
 
-    Do not create a `SofterOf` directly, but call `softer_of`: it returns one of the two laws unless their curves H₁(u)
-    and H₂(u) cross.
+    Call `softer_of` instead of creating a `SofterOf` directly: unless the curves H₁(u) and H₂(u) cross, it returns the
+    law of the softer body.
 
     Parameters
     ----------

@@ -219,7 +219,7 @@ def free_difference(edges1: Array, edges2: Array, bodies: Bodies) -> Array:
     Parameters
     ----------
     edges1, edges2 : array (n1 + 1,), array (n2 + 1,)
-        Edges of the pixels along both axes [m], measured from the point at which the displacement is computed.
+        Edges of the pixels along both axes [m], relative to the point at which the displacement is computed.
     bodies : pair of bodies
         The two bodies.
 
@@ -290,7 +290,7 @@ def _exponentials(body: Coated) -> tuple[Array, Array]:
     Raises
     ------
     InputError
-        The error of the fit is too large, because the layer is far stiffer than the substrate.
+        The fit is not accurate enough, because the layer is far stiffer than the substrate.
     """
     # a stiff layer bends over a length that is longer than its thickness by the cube root of the ratio of the moduli
     bending_length = 1.0
@@ -348,9 +348,9 @@ def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
 def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -> Array:
     """Compute the change of the displacement by a coating for waves q > 0 along the axis that is not free.
 
-    See `strip_difference` for the integral. The pressure on a pixel is uniform, and therefore contains aliases of the
-    waves along both axes. The contributions of all aliases are added up. The weight of an alias is the Fourier
-    transform of the uniform pressure on a pixel, a product of two sinc functions.
+    See `strip_difference` for the integral. The uniform pressure on a pixel contains aliases of the waves along both
+    axes, whose contributions are added up. The weight of an alias is the Fourier transform of the uniform pressure on a
+    pixel, a product of two sinc functions.
 
     n : number of points of the free axis.
     d : pixel length of the free axis [m].

@@ -165,7 +165,7 @@ def make_contact(level: Level, grid: Workspace, offset: float, solution: Solutio
     grid : Workspace
         Arrays of the solver with the pressure and v, the displacement plus the undeformed gap.
     offset : float
-        Height [m] that was subtracted from the undeformed gap, and is now added to the approach.
+        Height [m] that was subtracted from the undeformed gap, and that is added back to the approach.
     solution : Solution
         Approach, residual, number of iterations and number of products with the compliance.
     """

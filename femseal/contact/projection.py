@@ -1,10 +1,10 @@
 """Compile the loops of the contact solver that list points near contact and project pressures on the contact law.
 
 `active_sets` calls `list_near`, `evaluate` and `project` between two products with the compliance K of the half-space.
-The first arguments of these three functions are arrays, and the last arguments are values that change from call to
-call. A loop processes the points `first` to `end` − 1 of a list. For small grids, `list_near`, `evaluate` and `project`
-are each compiled as a single function. For large grids, the three functions run in Python and call compiled loops, and
-several threads share the work of each loop.
+These three functions take arrays first, and then the values that change from call to call. A loop processes the points
+`first` to `end` − 1 of a list. For small grids, `list_near`, `evaluate` and `project` are each compiled as a single
+function. For large grids, the three functions run in Python and call compiled loops, and several threads share the work
+of each loop.
 
 The state of a point is 0 out of contact (p = 0), 1 if it is elastic (0 < p < H), 2 if it is perfectly plastic (p = H),
 and 3 if it yields and hardens (p = H + h u, h > 0). Points with an odd state are free: their pressure is unknown.
@@ -127,8 +127,8 @@ def list_near_in_parts(
     """Make the lists of `list_near` on several threads.
 
     Each thread lists the points of some parts of the grid. Only a few parts are processed at a time, to keep the memory
-    for their lists small. The points of all rows are listed. The argument `_first` has no effect; this function merely
-    takes the same arguments as `list_near`.
+    for their lists small. The points of all rows are listed. The argument `_first` is unused; it only keeps the
+    signature the same as that of `list_near`.
     """
     columns = gap0.size // n_rows
     row_ranges = parts(n_rows, PART / columns)  # (first row, end) of each part
@@ -277,8 +277,8 @@ def find_approach(x, n, hardness, slope, c_law, listed, c, load, start):
     c_law : the c [Pa/m] used in t = h/(h + c), where t is the slope dy/dz at a point that hardens.
 
     In a projection step, `c` and `c_law` are both equal to the length of this step. When `project` adds a uniform
-    pressure δ to the free points, c = 1 and c_law = 0. With c_law = 0, t is 1, so that the pressure of points that
-    harden increases by δ as well.
+    pressure δ to the free points, c = 1 and c_law = 0. With c_law = 0, t is 1, so that points that harden also gain the
+    full δ.
 
     Returns δ, and whether the points can carry the load.
     """
@@ -425,7 +425,7 @@ def project(
 ):  # fmt: skip
     """Project the trial pressure x + cδ of each point near contact on the law, and set its pressure and state.
 
-    If `keep` is True, a free point whose state does not change retains the pressure from the conjugate gradients.
+    If `keep` is True, a free point whose state does not change keeps the pressure found by conjugate gradients.
     Finally, the same pressure is added to all free points, within their bounds, so that all points together carry the
     load. During this function, the array `response` holds the pressures of the free points.
 
@@ -456,7 +456,7 @@ def project(
 
 @exact_loop
 def clear(first, end, free, dense):
-    """Set the grid array `dense` to 0 at some points of the previous list of free points."""
+    """Reset `dense` to 0 at some of the points that were free before."""
     for i in free[first:end]:
         dense[i] = 0.0
 

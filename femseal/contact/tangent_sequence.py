@@ -42,10 +42,9 @@ _SMALL_STIFFNESS = 0.1
 def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
     """Solve a contact with a curved law by a sequence of contacts in which tangents replace the law.
 
-    Each tangent touches the curve at the plastic deformation u of the previous contact. The pressure of the previous
-    contact is the first guess of the next contact. The mismatch is the relative difference between a pressure and its
-    projection on the contact law. Each contact is solved until its residual is a fraction of the mismatch left by the
-    previous contact.
+    Each tangent touches the curve at the plastic deformation u of the previous contact. Its pressure is the first guess
+    for the next contact. The mismatch is the relative difference between a pressure and its projection on the contact
+    law. Each contact is solved until its residual is a fraction of the mismatch left by the previous contact.
 
     If the law of a point softens and its change of u has changed sign, only half of the change is applied. Without this
     rule, u could oscillate between two tangents. If the law begins with a constant hardness up to a certain depth, and
@@ -150,8 +149,8 @@ def _tangent_from_depth(
 def _increase_to_carry(law: ContactLaw, u: Array, load: float) -> float:
     """Find the common increase of the deformation at which the hardness of the points can carry the load.
 
-    Returns 0 if no increase suffices. If the deformations of all points increase by the same length, only the approach
-    changes, and the pressure remains the same.
+    Returns 0 if no increase suffices. Increasing the deformation of all points by the same length changes only the
+    approach, not the pressure.
 
     The increase is necessary, for example, if a soft coating has to yield through its whole thickness before the harder
     substrate carries the load. If the deformations were not increased, all tangents would be horizontal lines at the
@@ -192,9 +191,9 @@ def _softens(law: ContactLaw, u: Array) -> bool:
 
 
 def _law_at(law: ContactLaw, is_chosen: Flags) -> tuple[ContactLaw, Any]:
-    """Return the contact law of the chosen points, and the index that selects the chosen points from an array.
+    """Return the contact law of the chosen points, and an index that picks these points from an array.
 
-    If the law is only defined for all points together, the original law and an index of all points are returned.
+    If the law cannot be split into points, the original law and an index of all points are returned.
     """
     part = law.at(is_chosen)
     if part is None:

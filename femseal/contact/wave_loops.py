@@ -17,7 +17,7 @@ def multiply(block, weights):
 
 @compiled(fastmath={"contract", "nnan", "nsz"})
 def multiply_mixing(block, n, first, count, weights, twisted, turn1, turn2):
-    """Replace the waves of the pressure in a block by the waves of the displacement, if the compliance K mixes waves.
+    """Turn the pressure waves in a block into displacement waves, for a compliance K that mixes waves.
 
     Cosine coefficients C and waves V are related by C(k) = ē V(k) + e V(N − k), with e = exp(iπk/2N) and its complex
     conjugate ē, and by 2 V(k) = e (C(k) − i C(N − k)). If C(k) is multiplied by a symbol S(k), V(k) becomes

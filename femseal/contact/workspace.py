@@ -123,8 +123,7 @@ class WorkArrays:
 def _kept_arrays(unit: HalfSpace, threads: int, thread: int) -> WorkArrays:
     """Make the arrays of a grid; later calls by the same thread return the same arrays.
 
-    thread : identifier of the calling thread. The arrays are cached by the identifier of the thread, so that two
-        threads never share arrays.
+    thread : identifier of the calling thread. The arrays are cached per thread, so that no two threads share them.
     """
     return WorkArrays(unit, threads)
 
@@ -290,9 +289,8 @@ class Loops(NamedTuple):
 def _index_map(n: int, boundary: str) -> Indices:
     """Map the indices −1 to n along an axis of n points to indices of grid points.
 
-    The indices −1 and n lie beyond the ends of the axis. On a periodic or mirror axis, the indices −1 and n are mapped
-    to the grid points that are their periodic or mirror images. On a free axis, where the pressure beyond the ends is
-    0, the indices −1 and n are mapped to −1.
+    The indices −1 and n lie beyond the ends of the axis. On a periodic or mirror axis, they are mapped to the grid
+    points that are their images. On a free axis, where the pressure beyond the ends is 0, they are mapped to −1.
     """
     padding: dict[str, Any] = {
         "periodic": {"mode": "wrap"},

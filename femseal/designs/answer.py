@@ -51,11 +51,11 @@ def design(
     during unloading from Q_A. Qmin and QSmin are given for the computed leakage and for the upper end of its 95 %
     interval. The verdict in the report states the same loads, see `results.verdict`.
 
-    For a stochastic seal, the answer also contains the lowest pressure at which a given fraction of the realisations,
-    for example 95 %, meets the class. This pressure follows from the computed leakages alone, whereas the 95 % interval
-    contains both the scatter between realisations and all other errors. If the case has a `relaxation`, the answer also
-    contains the lowest pressure in assembly at which the seal still meets the class after relaxation. Between load
-    steps, ln(leakage) is interpolated linearly over ln(pressure). There is no extrapolation.
+    For a stochastic seal, the answer also gives the lowest pressure at which, for example, 95 % of the realisations
+    meet the class. This pressure follows from the computed leakages alone, whereas the 95 % interval contains both the
+    scatter between realisations and all other errors. If the case has a `relaxation`, the answer also contains the
+    lowest pressure in assembly at which the seal still meets the class after relaxation. Between load steps,
+    ln(leakage) is interpolated linearly over ln(pressure). There is no extrapolation.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ def _with_assembly_loads(case: Case, loads: list[float]) -> Case:
 def _check_classes_of_case(
     case: Case, class_names: tuple[str, ...], diameter: float | None
 ) -> None:
-    """Raise InputError if a leakage class cannot be used for the fluid of the case, before anything is solved."""
+    """Raise InputError, before anything is solved, if a leakage class does not apply to the fluid of the case."""
     fluid = case.output.test_fluid or case.fluid
     pressure_drop = fluid.state.pressure_drop
     basis = leak_basis(fluid.fluid, 1.0, pressure_drop=pressure_drop, **case.output.valve)

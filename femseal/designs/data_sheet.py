@@ -307,7 +307,7 @@ def _mark_needed_pressures(
     answer : Design
         The answer.
     scale : float
-        Leakage per length of seal [m²/s] that the leakage axis shows as 1.
+        Leakage per length of seal [m²/s] that corresponds to 1 on the leakage axis.
     load_factor : float
         Load, in the unit of the load axis, that corresponds to a nominal pressure of 1 Pa.
 

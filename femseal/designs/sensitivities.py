@@ -1,12 +1,12 @@
 """Compute how strongly each quantity changes the leakage of a seal and the pressure at which it meets a class.
 
-A sensitivity is a logarithmic slope at one load, d ln L/d ln x. Two slopes require that the seal is solved again: the
-slope with respect to the hardness, and the slope with respect to the length in the flow law. For a rarefied gas, the
-length in the flow law is the mean free path, which is proportional to the viscosity of the gas. For a fluid with slip,
-the length in the flow law is the slip length. All other slopes follow from these two slopes, from the slope of the
-loading curve, and from two scaling laws of the leakage L. First law: if heights, hardness and pressure are multiplied
-by the same number α, all gaps are multiplied by α. Second law: if all stresses are multiplied by the same number β, the
-gaps do not change. The leakage L therefore obeys
+A sensitivity is a logarithmic slope at one load, d ln L/d ln x. For two slopes, the seal has to be solved again: for
+the hardness, and for the length in the flow law. For a rarefied gas, the length in the flow law is the mean free path,
+which is proportional to the viscosity of the gas. For a fluid with slip, the length in the flow law is the slip length.
+All other slopes follow from these two slopes, from the slope of the loading curve, and from two scaling laws of the
+leakage L. First law: if heights, hardness and pressure are multiplied by the same number α, all gaps are multiplied by
+α. Second law: if all stresses are multiplied by the same number β, the gaps do not change. The leakage L therefore
+obeys
 
     L(αa, E, αH, αp, αη, αb) = α² L(a, E, H, p, η, b)     L(a, βE, βH, βp, η, b) = L(a, E, H, p, η, b)
 
@@ -186,7 +186,7 @@ def log_leakage_at(seals: Seals, pressure: float, fraction: float) -> float:
 
     The result is NaN if the leakage at this pressure is unknown or 0.
 
-    fraction : fraction of the realisations that do not exceed the leakage L.
+    fraction : fraction of the realisations whose leakage is at most L.
     """
     log_pressure, log_leakage = _leaking_loads(seals, fraction)
     if not log_pressure.size:
@@ -224,7 +224,7 @@ def solved_variants(
 ) -> Variants:
     """Solve the seals of a run twice more: first with a higher hardness, then with a larger length in the flow law.
 
-    If the case has a test fluid, the seals are solved with the test fluid. Elastic solids have no hardness, so that
+    If the case has a test fluid, the seals are solved with the test fluid. For elastic solids, which have no hardness,
     `harder` is None. If the flow law contains no length, `longer_length` is None.
 
     Parameters

@@ -195,7 +195,7 @@ def _surface_lines(prepared: Prepared, form_effect: FormEffect | None) -> Iterat
 
 
 def _line_unless_empty(text: str) -> Iterator[Line]:
-    """Yield a line without a name, or no line if the text is empty."""
+    """Yield the text as a line without a name, or nothing if it is empty."""
     if text:
         yield "", text
 

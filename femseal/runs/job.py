@@ -107,9 +107,9 @@ def run(
         femseal[cluster]. The text "local" starts a temporary scheduler with `workers` processes, see
         `execution.run.ordered_map`.
     shared : path, optional
-        Folder for the results of single stages, which several runs can share. A run stores the result of each stage in
-        the shared folder. If the shared folder already contains the result of a stage with the same input, the result
-        is read instead of computed. The shared folder grows with every run, because nothing is deleted from it.
+        Folder shared by several runs, for the results of single stages. A run stores the result of each stage in the
+        shared folder. If the shared folder already contains the result of a stage with the same input, the result is
+        read instead of computed. The shared folder grows with every run, because nothing is deleted from it.
     replace_results : bool
         Whether to replace the results of a finished run in the folder.
     progress : callable, optional
@@ -230,7 +230,7 @@ def checked_output(output: AnyPath | None, resume: bool) -> Path | None:
 
 @contextmanager
 def _interrupts() -> Iterator[None]:
-    """Turn the SystemError that numba raises for Ctrl-C within compiled code back into a KeyboardInterrupt."""
+    """Convert the SystemError that Numba raises on Ctrl-C in compiled code back to a KeyboardInterrupt."""
     try:
         yield
     except SystemError as error:
@@ -516,7 +516,7 @@ def _settings(case: Case, original: Prepared) -> dict[str, Any]:
 
 
 def _without_file_keys(echo: dict[str, Any]) -> dict[str, Any]:
-    """Return a copy of a case without the keys that only choose which files are written."""
+    """Return a copy of a case without the keys that only control which files are written."""
     output = {key: value for key, value in echo.get("output", {}).items() if key not in FILE_KEYS}
     return {**echo, "output": output}
 
