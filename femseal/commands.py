@@ -34,7 +34,7 @@ Unit = Annotated[str | None, option("Unit of leakage.", "as in the case")]
 def all_progress(quiet: bool, how_to_resume: str) -> Iterator[Progress]:
     """Show the progress of a command that runs several cases, including the compilation of loops at its beginning.
 
-    how_to_resume : text that tells the user how to continue the command. The message after Ctrl-C ends with this text.
+    how_to_resume : text that tells the user how to resume the command. The message after Ctrl-C ends with this text.
     """
     try:
         with show_progress(quiet) as progress, reporting_compilation(progress):

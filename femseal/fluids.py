@@ -4,8 +4,8 @@ If the density ρ and the viscosity η of a fluid depend on the pressure alone, 
 pressure potential φ with dφ = (ρ/η) dp [kg/(m³ s)]. The mass flow rate through a seal is the conductance of the seal
 times the difference of φ between inlet and outlet.
 
-The property `law` of a fluid is its flow law, which gives the permeability of a gap. For a fluid without the property
-`law`, the cubic law is used (see `femseal.flow.law`).
+The property `law` of a fluid is its flow law, which gives the permeability of a gap. If a fluid has no property `law`,
+the cubic law is used (see `femseal.flow.law`).
 
 To add a fluid, write a frozen dataclass with `potential`, `pressure` and `reference_density`. A fluid of this class can
 be used from Python. For case files, the class must also be added to `FLUIDS`. A case file chooses a class of `FLUIDS`
@@ -132,7 +132,7 @@ class _OnFaces:
 
     @property
     def law(self) -> FlowLaw:
-        """Flow law: the law for a slip length if the slip length is positive, otherwise the cubic law."""
+        """Flow law: the slip-length law if the slip length is positive, otherwise the cubic law."""
         return SlipLength(self.slip_length) if self.slip_length else CUBIC_LAW
 
 

@@ -65,8 +65,8 @@ def over_processes(count: int) -> Iterator[Mapper]:
 def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
     """Yield the results of a stage in the order of its items.
 
-    Each worker process reads the function of the stage from a file at its first item. The items are sent by joblib, in
-    batches.
+    Each worker process reads the function of the stage from a file when it computes its first item. The items are sent
+    by joblib, in batches.
 
     count : number of processes.
     folder : temporary folder for the file with the stage.
@@ -124,7 +124,7 @@ class _StageLimits(NamedTuple):
 def _stage_limits(stage: Stage, count: int, item_count: int) -> _StageLimits:
     """Choose limits that fit into the free memory and use all cores.
 
-    stage : the stage, with the memory of a call if the memory must be limited.
+    stage : the stage, whose `memory` is the memory of a call if memory must be limited.
     count : number of processes.
     item_count : number of items of the stage, at most `count`.
     """

@@ -210,7 +210,7 @@ def ordered_map(
         machine.
     before : callable, optional
         Function such as `compile_ahead`, which is called with the mapper before the mapper is yielded. The function is
-        called only for several processes on this machine.
+        called only if the run uses several processes on this machine.
 
     Raises
     ------

@@ -15,7 +15,7 @@ from .run import LogFile, Progress, logging_to, no_progress
 
 
 def flag(name: str, help: str) -> Any:
-    """Declare an option of a command that switches something on."""
+    """Declare an on/off option of a command."""
     return typer.Option(name, help=help, show_default="off")
 
 

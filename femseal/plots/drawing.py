@@ -142,7 +142,7 @@ def legend_below(
 
 
 def length_unit(longest: float) -> tuple[float, str]:
-    """Choose the unit of length of a map or a profile by its longest side [m]; return the unit in m, and its name.
+    """Choose a length unit that suits the longest side [m] of a map or a profile; return the unit in m, and its name.
 
     >>> length_unit(3e-4), length_unit(0.02)
     ((1e-06, 'µm'), (0.001, 'mm'))
@@ -162,8 +162,8 @@ def set_load_axis(axes: Axes, loads: Array) -> None:
     """Set the scale of the x axis, and put a tick with a label at every load.
 
     The axis is logarithmic if several loads are given. A load of 0 is placed to the left of the logarithmic part of the
-    axis. If labels would touch each other, all labels are turned by 90°, and labels of loads that are very close to
-    each other are moved apart.
+    axis. If labels would touch each other, all labels are turned by 90°, and labels of nearly equal loads are moved
+    apart.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def label_decades(axis: Axis) -> None:
 
 
 def shown(figure: Figure) -> Figure:
-    """Register a figure with pyplot, so that `pyplot.show()` shows the figure, and a notebook shows it only once."""
+    """Register a figure with pyplot, so that `pyplot.show()` shows it and a notebook shows it only once."""
     from matplotlib import pyplot
 
     # pyplot only registers figures that it has created; this "class" makes it use the existing figure as the new one

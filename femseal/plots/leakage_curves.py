@@ -238,13 +238,13 @@ def _scatter_name(low: float, high: float) -> str:
 
 
 def _readable_scale(leakage: Array) -> tuple[float, str]:
-    """Choose a readable unit for leakages [m²/s]; return the unit in m²/s, and the name of the leakage axis."""
+    """Choose a readable unit for leakages [m²/s]; return the unit in m²/s and the name of the leakage axis."""
     factor, unit = leakage_unit(leakage)
     return factor, f"leakage per length of seal [{unit}]"
 
 
 def _run_scale(results: Results) -> tuple[float, str]:
-    """Return the leakage unit of a run in m²/s, and the name of the leakage axis.
+    """Return the leakage unit of a run in m²/s and the name of the leakage axis.
 
     If the leakage is the volume flow rate of a gas, the name of the axis states the pressure to which the volume
     refers. If the fluid flows from the outlet to the inlet, the name of the axis states this direction.

@@ -60,7 +60,7 @@ class LeakageCurves:
         Leakages [m²/s] computed by other methods, keyed by method name. The leakages of other methods are drawn
         as markers without lines.
     limits : dict of float
-        Limits of leakage classes [m²/s], by the names of the classes.
+        Limits of leakage classes [m²/s], keyed by class name.
     scale : pair (float, str)
         Unit of the leakage axis [m²/s], and the name of the axis, which includes the name of the unit.
     force : ForceScale, optional
@@ -123,7 +123,7 @@ def with_near_ends(leakages: Array, ends: Array) -> Array:
     """Return all values that a leakage axis must show: the leakages, and the ends of their 95 % intervals.
 
     The ends of the intervals are limited to the range from a tenth of the lowest leakage to ten times the highest
-    leakage. Without this limit, a very wide interval would extend the axis so much that the curves could not be read.
+    leakage. Without this limit, a very wide interval would stretch the axis until the curves became unreadable.
 
     Parameters
     ----------
@@ -328,7 +328,7 @@ def limit_lines(axes: Axes, limits: dict[str, float]) -> None:
     axes : Axes
         Axes to draw into.
     limits : dict of float
-        Limits in the unit of the y axis, by the names of the leakage classes.
+        Limits in the unit of the y axis, keyed by leakage class.
     """
     low, high = axes.get_ylim()
     names_by_row: dict[int, list[str]] = {}

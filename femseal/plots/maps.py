@@ -274,7 +274,7 @@ def relative_flow(gap: Array, pressure: Array, size: Pair) -> Array:
 
 
 def _in_unit(size: Pair) -> tuple[Pair, str]:
-    """Convert the sides of a map [m] to a readable unit; return the sides, and the name of the unit."""
+    """Convert the sides of a map [m] to a readable unit; return the sides and the name of the unit."""
     unit, name = length_unit(max(size))
     return (size[0] / unit, size[1] / unit), name
 
@@ -312,7 +312,7 @@ def state_figure(state: LoadState) -> Figure:
 
 @shows(LoadCycle)
 def cycle_figure(cycle: LoadCycle) -> Figure:
-    """Draw the fraction of points in contact, and the mean gap, against the nominal pressure."""
+    """Draw the fraction of points in contact and the mean gap against the nominal pressure."""
     margins = LOADS
     sheet = Sheet([1.8 + margins.bottom + margins.top] * 2)
     contact_percent = np.array([100 * state.contact.area_fraction for state in cycle])

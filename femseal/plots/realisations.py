@@ -165,8 +165,8 @@ def _axis_names(data: xarray.Dataset, unit: str, is_turned: bool) -> tuple[str, 
 def _detail(data: xarray.Dataset, corners: Array, centre: Array) -> tuple[Array, Array]:
     """Return the lower left and the upper right corner of the region that the last map shows, two arrays (2,) [m].
 
-    The region is a square around the point `centre`. A square that extends beyond an edge of the seal is moved, so that
-    it ends at the edge. If the seal is narrower than the square, the region is limited to the width of the seal.
+    The region is a square around the point `centre`. A square that would extend beyond an edge of the seal is moved to
+    end at the edge. If the seal is narrower than the square, the region is limited to the width of the seal.
     """
     low = corners.min(axis=(0, 1))
     high = corners.max(axis=(0, 1))

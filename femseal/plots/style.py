@@ -1,6 +1,6 @@
 """Define the style of all pictures: sizes, fonts, line widths and colours, and the formats of picture files.
 
-A picture is as wide as a column of a journal, so that its letters can be read in print, on a page and on a phone.
+A picture is as wide as a journal column, so that its text is legible in print, on a page and on a phone.
 Colour-blind readers can distinguish the colours, which also differ in lightness.
 """
 

@@ -103,7 +103,7 @@ def run(
     workers : int, optional
         Number of processes; by default one process for each core. The results do not depend on the number of processes.
     scheduler : str, optional
-        Address of a Dask scheduler, whose workers compute the results instead of local processes. Dask requires
+        Address of a Dask scheduler whose workers compute the results in place of local processes. Dask requires
         femseal[cluster]. The text "local" starts a temporary scheduler with `workers` processes, see
         `execution.run.ordered_map`.
     shared : path, optional

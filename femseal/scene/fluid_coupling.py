@@ -70,9 +70,9 @@ class CoupledContact(Contact):
     Attributes
     ----------
     flow : FaceFlow or Failed
-        Flow through the gap. A `Failed` object, which states a reason, replaces the flow in two cases. In the first
-        case the surfaces separate, and the contact is given for surfaces that just touch. In the second case the
-        iteration did not converge, and the contact is given for the last round of the iteration.
+        Flow through the gap. In two cases, it is a `Failed` object that states the reason. In the first
+        case, the surfaces separate, and `contact` is the solution for surfaces that just touch. In the second case, the
+        iteration did not converge, and `contact` is the solution of its last round.
     carried : float
         Mean pressure that the fluid carries [Pa].
     rounds : int
@@ -271,8 +271,8 @@ class FluidPressure:
     def _left_to_contact(self, pressure: float, applied: Array) -> float:
         """Compute the contact load [Pa] that remains under the applied fluid pressure (n1, n2) [Pa].
 
-        The contact load is the nominal pressure minus the mean fluid pressure. If the nominal pressure is defined as
-        the load of the contact alone, the fluid cannot reduce the contact load, and the result is infinity.
+        The contact load is the nominal pressure minus the mean fluid pressure. If the nominal pressure refers to the
+        contact alone, the fluid cannot reduce the contact load, and the result is infinity.
         """
         if self.nominal == "contact":
             return np.inf
@@ -360,8 +360,8 @@ class FluidPressure:
         """Solve the contact at a nominal pressure [Pa] at which the surfaces separate or nearly separate.
 
         For a prescribed contact load, the coupled problem of contact and flow always has a solution. The nominal
-        pressure is the sum of the contact load and the mean pressure of the fluid. Contact loads are therefore
-        prescribed, until the resulting nominal pressure is equal to the given nominal pressure.
+        pressure is the sum of the contact load and the mean pressure of the fluid. The function therefore prescribes
+        the contact load, and varies it until the nominal pressure has the given value.
 
         As a function of the contact load, the nominal pressure has a minimum. If the given nominal pressure is less
         than the minimum, the surfaces separate. If the given nominal pressure is larger than the minimum, two contact
@@ -527,9 +527,10 @@ def _next_pressure(
 def _mixed_pressure(solved: _Round, previous: _Round | None) -> Array:
     """Mix the resulting fluid pressures of the last two rounds by Anderson mixing of depth one.
 
-    The residual of a round is the resulting minus the applied fluid pressure, averaged over each row of the grid. Let r
-    be the residual of the present round and r' the residual of the previous round. The fluid pressures of the two
-    rounds are multiplied by the weights 1 − w and w, and added. The weight w minimises |(1 − w) r + w r'|.
+    The residual of a round is the difference between the resulting and the applied fluid pressure, averaged over each
+    row of the grid. Let r be the residual of the present round and r' the residual of the previous round. The result is
+    the mean of the fluid pressures of the two rounds with the weights 1 − w and w. The weight w minimises
+    |(1 − w) r + w r'|.
 
     Mixing damps oscillations. Without mixing, the fluid pressure oscillates if the surfaces are nearly sealed: it is
     too high in one round, and too low in the next round.

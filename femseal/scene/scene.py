@@ -68,7 +68,7 @@ class Scene:
         Relative residual at which the contact solver stops, see `contact.solve_contact`.
     layout : Layout
         Shape of the seal in the stochastic study: `RectangularLayout`, `AnnularLayout` or `MeshLayout` of
-        `femseal.seal`. In the other studies, the seal is a strip that consists of the surface alone.
+        `femseal.seal`. In the other studies, the seal is a strip formed by the surface itself.
     solver : str
         Flow solver for cells and seals, see `flow.cell_permeability`.
     fluid_pressure : "acts", "trapped" or "ignored"

@@ -115,8 +115,8 @@ def liquid_in_pockets(
     Notes
     -----
     For the step of Newton's method, the derivative of the volume of a pocket with respect to its pressure is needed.
-    The derivative of the volume is approximated by 16 A √(A/π)/(3π E*), the value for a uniform pressure on a circle of
-    the area A of the pocket. For coated bodies, E* is taken at the wave number √(π/A).
+    The derivative of the volume is approximated by 16 A √(A/π)/(3π E*), the value for a uniform pressure on a circle
+    with the same area A as the pocket. For coated bodies, E* is taken at the wave number √(π/A).
     """
     pocket, n = label_pockets(is_pocket)
     pixel_area = float(np.prod(half_space.spacing))

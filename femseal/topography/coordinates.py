@@ -256,7 +256,7 @@ def _notes_on_grid(
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Describe a lattice of equidistant points, and the lattice point at which each value lies.
+    """Describe a lattice of equidistant points, and the position of each value on the lattice.
 
     Parameters
     ----------
@@ -333,7 +333,7 @@ def _irregular_error(table: NDArray, columns: Columns) -> InputError:
 
 
 def _read_matrix(table: NDArray) -> MapOfTable:
-    """Read a matrix of heights, without the first column or line if this contains the coordinates of an axis."""
+    """Read a matrix of heights; skip the first column or line if it contains the coordinates of an axis."""
     notes = []
     if min(table.shape) >= _FEWEST_LINES:
         for name, axis in (("column", 1), ("line", 0)):

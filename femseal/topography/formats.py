@@ -1,6 +1,6 @@
 """Read height maps from files of several formats.
 
-The function that reads a format returns a record `Raw`.
+The reader of each format returns a `Raw` record.
 
 Axis 0 of the heights is the x axis of the file, and axis 1 is the y axis of the file. In a text file, the points of a
 line lie along x. NumPy arrays are not transposed.

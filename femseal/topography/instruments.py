@@ -58,7 +58,7 @@ class _OpenFile(NamedTuple):
 
     content : modified copy of the file in memory, which must exist until the heights have been read; None if the file
     was not modified.
-    unclear : unit in the file that SurfaceTopography cannot interpret, for messages.
+    unclear : unit that the file states and SurfaceTopography cannot interpret, for messages.
     file : the opened file, as an object of SurfaceTopography.
     channels : channels of the file.
     """
@@ -171,8 +171,8 @@ def _heights_and_mask(topography: Any, suffix: str) -> tuple[Array, Flags | None
 def _replace_unknown_units(path: Path) -> tuple[io.BytesIO | None, str]:
     """Replace the units of a .sur file that SurfaceTopography cannot read.
 
-    The unit "µm" in UTF-8 is rewritten in the encoding of the format. If at least one unit in the file is unknown,
-    metres replace all units, so that SurfaceTopography does not convert the numbers.
+    The unit "µm" in UTF-8 is rewritten in the encoding of the format. If any unit in the file is unknown, all units are
+    replaced by metres, so that SurfaceTopography does not convert the numbers.
 
     Returns
     -------

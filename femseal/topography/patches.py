@@ -40,8 +40,8 @@ class Patches(Plotted):
     The methods act on each patch separately. Other operations of `Topography` can be applied to the elements of
     `patches`.
 
-    Patches of different size or resolution are adapted to each other in three steps. First, all patches are cut
-    symmetrically to the width along x1 of the narrowest patch. Then all patches are resampled to the largest pixel
+    Patches of different size or resolution are adapted to each other in three steps. First, all patches are trimmed
+    symmetrically along x1 to the width of the narrowest patch. Then all patches are resampled to the largest pixel
     size, which changes the sides of a patch by at most half a pixel. Finally, each patch is cut along x2 to a multiple
     of one eighth of the length of the shortest patch.
 
@@ -153,7 +153,7 @@ class Patches(Plotted):
         return float(np.average(values, weights=self.widths))
 
     def split(self, values: NDArray) -> list[NDArray]:
-        """Split values (…, n1, n2), at the points of all patches side by side, into one array for each patch."""
+        """Split values (…, n1, n2) of patches that lie side by side into one array for each patch."""
         return split_patches(values, self.widths)
 
     def check_waves(self) -> None:
@@ -259,7 +259,7 @@ def check_single_patch(name: str, surface: object) -> None:
 
 
 def split_patches(values: NDArray, widths: Sequence[int]) -> list[NDArray]:
-    """Split values (…, n1, n2) of patches, which are side by side along the last axis, into one array for each patch.
+    """Split values (…, n1, n2) of patches that lie side by side along the last axis into one array for each patch.
 
     widths : number of points of each patch along x2.
     """
@@ -321,7 +321,7 @@ def _check_alike(name: str, values: NDArray, most: float, expected: str) -> None
 
 
 def _resample_to_same_pixels(patches: Sequence[Topography]) -> list[Topography]:
-    """Cut all patches to the smallest width along x1, and resample them to the largest pixel size."""
+    """Trim all patches to the smallest width along x1, and resample them to the largest pixel size."""
     pixel = max(p.spacing[0] for p in patches), max(p.spacing[1] for p in patches)
     # number of new rows in the narrowest patch, rounded
     rows = int(min(p.size[0] for p in patches) / pixel[0] + 0.5)
@@ -344,6 +344,6 @@ def _resample_to_same_pixels(patches: Sequence[Topography]) -> list[Topography]:
 
 
 def _crop_middle(patch: Topography, shape: Shape) -> Topography:
-    """Cut a part of `shape` points out of the middle of a map."""
+    """Cut a block of `shape` points out of the middle of a map."""
     start = (patch.shape[0] - shape[0]) // 2, (patch.shape[1] - shape[1]) // 2
     return patch.crop(shape, start)

@@ -2,7 +2,7 @@
 
 Symbols: q angular wave number [rad/m], C isotropic spectral density [m⁴], H Hurst exponent, C ∝ q^(−2−2H). For a
 surface of parallel grooves, C is the spectral density averaged over all directions; with the Hurst exponent H of the
-grooves, the average is proportional to q^(−2−2H) as well.
+grooves, this average is also proportional to q^(−2−2H).
 
 The autocorrelation length Sal is the distance over which the autocorrelation decays to 0.2 in the direction of fastest
 decay. The texture aspect ratio Str is the ratio of Sal to the distance over which the autocorrelation decays to 0.2 in
@@ -130,9 +130,8 @@ def spectrum(topography: Surface) -> Spectrum:
 
     Three lower limits on the shortest measured wave are determined; the largest one applies. Because of the grid, the
     shortest measured wave is at least twice the larger pixel spacing. If the spectrum ends with white noise, the noise
-    limits the shortest measured wave to the wavelength at which C is four times the density of the noise. If the
-    spectrum follows a power law, the instrument limits the shortest measured wave to the wavelength below which C is
-    less than a tenth of the power law.
+    limit is the wavelength at which C is four times the density of the noise. If the spectrum follows a power law, the
+    instrument limit is the wavelength below which C is less than a tenth of the power law.
 
     For several patches, the spectrum of one patch is returned: the patch whose shortest measured wave is the longest.
     """
