@@ -487,8 +487,7 @@ class _Table(NamedTuple):
 def _state(name: str) -> Any:
     """Create the object with which CoolProp computes states of a gas.
 
-    The object is not cached, because CoolProp reports errors if an object of this class still exists when the
-    interpreter exits.
+    The object is not cached, because CoolProp prints errors if such an object still exists when the interpreter exits.
     """
     from CoolProp.CoolProp import AbstractState
 
@@ -576,7 +575,7 @@ def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:
 
 @dataclass(frozen=True)
 class IdealGasError:
-    """Hold the leakage computed with an ideal gas, divided by the leakage with the corresponding real gas.
+    """Hold the ratio of the ideal-gas leakage to the leakage of the corresponding real gas.
 
     Parameters
     ----------
@@ -594,7 +593,7 @@ class IdealGasError:
 
 
 def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
-    """Compute the leakage with an ideal gas, divided by the leakage with the corresponding real gas.
+    """Compute the ratio of the ideal-gas leakage to the leakage of the corresponding real gas.
 
     The corresponding real gas is the CoolProp fluid with the same molar mass. If several gases have this molar mass,
     the one with the closest viscosity is chosen. If CoolProp has no viscosity for the gas with the closest molar mass,

@@ -1,4 +1,4 @@
-"""Provide what all other subpackages use: errors, units, fields of results, tables, files and checks of arguments."""
+"""Provide what all other subpackages need: errors, units, fields of results, tables, files and checks of arguments."""
 
 from typing import TYPE_CHECKING
 

@@ -64,8 +64,8 @@ def name_cache(package: Path) -> None:
 
     The name of the folder contains the time at which femseal was installed. The cache of an earlier version could refer
     to classes that no longer exist, which would make the import fail. If neither the folder of the package nor the
-    cache folder of the user is writable, as in read-only containers, a temporary folder is used. With a temporary
-    folder, each run compiles the loops once, and all processes of the run share the compiled loops.
+    cache folder of the user is writable, as in read-only containers, a temporary folder is used. In this case, each run
+    compiles the loops once for all of its processes.
     """
     if os.environ.get("NUMBA_CACHE_DIR"):
         return

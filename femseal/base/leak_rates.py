@@ -166,7 +166,7 @@ class LeakBasis:
 
         The leakage of a gas is given in standard litres per minute if it is at least 1 std L/min, and otherwise in
         mbar·L/s, the unit of leak tests. The leakage of a liquid is given in L/min, mL/min, drops per minute, drops per
-        hour or mL per year: in the largest of these units in which its numerical value is at least 1.
+        hour or mL per year: whichever is the largest unit that gives a value of at least 1.
         """
         names = _USUAL_FOR_GASES if self.is_gas else _USUAL_FOR_LIQUIDS
         units = self.units(names)
@@ -198,7 +198,7 @@ def _nominal_inches(diameter: float) -> float:
 
 
 def _class_vi(diameter: float) -> float:
-    """Return the limit of class VI [mL/min] for a diameter of the seat [m].
+    """Return the limit of class VI [mL/min] for a seat diameter [m].
 
     Between two diameters of the standard's table, the limit is interpolated as a linear function of the square of the
     diameter. Above the largest diameter of the table, the limit is NaN.

@@ -1,4 +1,4 @@
-"""Provide facts about the machine, arrays that are shared between processes or stored on disk, and package versions.
+"""Provide data on the machine, package versions, and arrays that are shared between processes or stored on disk.
 
 A large array, such as the gaps of all contact states, is stored in a file of plain numbers that is mapped into memory.
 Such a file requires no further library. Views of the array behave like any other array, and other processes can open
@@ -125,7 +125,7 @@ def lies_on_disk(size: float) -> bool:
 def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     """Create an array without initial values, like `numpy.empty`; a large array is stored in a file, see `storing`.
 
-    Inside a `with` block of `sharing`, on Linux, other processes receive a view of the array instead of a copy. Values
+    Inside a `with` block of `sharing`, on Linux, other processes receive a view of the array rather than a copy. Values
     that another process writes then appear in this process. When the last view is deleted, the memory and the file of
     the array are released, even if the run is killed.
     """

@@ -173,7 +173,7 @@ def field(
 
 
 def count(name: str, value: Any, least: int = 1) -> int:
-    """Check that a value is a whole number of at least `least`."""
+    """Check that a value is a whole number >= `least`."""
     try:
         checked = index(value)
     except TypeError:
@@ -193,19 +193,19 @@ def _pair(name: str, value: Any, check: Callable[[Any], Any], expected: str) -> 
 
 
 def lengths(name: str, value: Any) -> Pair:
-    """Check that a value consists of finite lengths > 0 [m] along x1 and x2, or is one length for both axes."""
+    """Check that a value is a pair of finite lengths > 0 [m] along x1 and x2, or a single length for both axes."""
     pair = (value, value) if isinstance(value, Real) else value
     return _pair(name, pair, partial(number, name), "two finite numbers > 0 [m]")
 
 
 def grid(name: str, value: Any, *, minimum: int = 1) -> Shape:
-    """Check that a value consists of two whole numbers, for x1 and x2, of at least `minimum`."""
+    """Check that a value is a pair of whole numbers >= `minimum`, for x1 and x2."""
     check = partial(count, name, least=minimum)
     return _pair(name, value, check, f"two whole numbers >= {minimum}")
 
 
 def flags(name: str, value: Any) -> Periodic:
-    """Check that a value consists of two truth values, for x1 and x2, or is one truth value for both axes."""
+    """Check that a value is a pair of booleans for x1 and x2, or a single boolean for both axes."""
     pair = (value, value) if isinstance(value, bool) else value
     return _pair(name, pair, {True: True, False: False}.__getitem__, "two of True and False")
 

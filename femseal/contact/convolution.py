@@ -19,8 +19,8 @@ rows are longer than the rows of the grid. Columns of large grids are copied to 
 transformed, whereas columns of small grids are transformed without a copy.
 
 If the first axis of a large grid is free, its columns are not padded to the full length 2m, but have two transforms of
-length m. The first transform, of the points, gives the waves with even numbers. For the second transform, each point j
-is multiplied by exp(−iπj/m). The second transform gives the waves with odd numbers. The factors exp(−iπj/m) are called
+length m. The first transform, of the points, gives the even-numbered waves. For the second transform, each point j
+is multiplied by exp(−iπj/m). The second transform gives the odd-numbered waves. The factors exp(−iπj/m) are called
 the twist.
 
 FFTW plans its transforms with the option FFTW_ESTIMATE and without wisdom, that is, by fixed rules instead of measured
@@ -228,7 +228,7 @@ class Convolution:
 
 
 class Rows:
-    """Transform the rows of a grid and transform them back, if the points need not be reordered or padded.
+    """Transform the rows of a grid and back, for rows that need neither reordering nor padding.
 
     waves : waves of all rows of the grid, followed by the waves of rows of zeros if the first axis is padded.
     """
@@ -311,8 +311,8 @@ class StridedColumns:
 
     waves : array (>= n1, waves), transforms of the rows.
     weights : weights of the waves, see `mixing_weights`.
-    transforms : number of transforms of each column. A single transform gives all waves. Of two transforms, the first
-        gives the waves with even numbers, and the second gives the waves with odd numbers.
+    transforms : number of transforms of each column. A single transform gives all waves. If there are two transforms,
+        the first gives the even-numbered waves and the second the odd-numbered ones.
     """
 
     #: Number of blocks that have to fit in the cache at the same time.
@@ -328,7 +328,7 @@ class StridedColumns:
         lengths = self.length, axis2.length
         # for both axes, the factors e² = exp(iπk/N) of the waves k of a mirror axis, see `multiply_mixing`
         self.turns = [np.exp(1j * np.pi * np.arange(n // 2 + 1) / n) for n in lengths]
-        # the factors exp(−iπj/m) by which the points j are multiplied to obtain the waves with odd numbers, where m is
+        # the factors exp(−iπj/m) by which the points j are multiplied to obtain the odd-numbered waves, where m is
         # the length of each of two transforms; empty with a single transform
         twist = np.exp(-1j * np.pi * np.arange(axis1.points) / self.length).astype(waves.dtype)
         self.twist = twist if transforms == 2 else twist[:0]
@@ -403,8 +403,8 @@ class CopiedColumns(StridedColumns):
 
     The points of a mirror axis are copied in the order of the transform. If the first axis is free and has the padded
     length 2m, the block has two rows for each column. The first row contains the points of the column; its transform
-    gives the waves with even numbers. The second row contains the points j multiplied by exp(−iπj/m); its transform
-    gives the waves with odd numbers.
+    gives the even-numbered waves. The second row contains the points j multiplied by exp(−iπj/m); its transform
+    gives the odd-numbered waves.
     """
 
     blocks = 2
@@ -527,9 +527,9 @@ def mixing_weights(symbol: Array, mirror1: bool, mirror2: bool, transforms: int)
     3     half difference  half difference
     ===== ================ =================
 
-    Along an axis that is not a mirror, the symbol S(k) is used as the half sum, and the half difference is 0. The
-    cosine coefficient N of N points is always 0, so that S(N) is arbitrary. S(N) is set to S(0), so that the half
-    difference at k = 0 vanishes.
+    Along other axes, S(k) takes the place of the half sum, and 0 that of the half difference. The cosine coefficient N
+    of N points is always 0, so that S(N) is arbitrary. S(N) is set to S(0), so that the half difference at k = 0
+    vanishes.
 
     Parameters
     ----------
@@ -538,8 +538,8 @@ def mixing_weights(symbol: Array, mirror1: bool, mirror2: bool, transforms: int)
     mirror1, mirror2 : bool
         Whether the first and the second axis are mirrors.
     transforms : int
-        Number of transforms along the first axis. With two transforms, the weights of the waves with even numbers
-        come before the weights of the waves with odd numbers.
+        Number of transforms along the first axis. With two transforms, the weights of the even-numbered waves
+        come before the weights of the odd-numbered waves.
 
     Returns
     -------

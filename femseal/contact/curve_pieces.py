@@ -108,7 +108,7 @@ class CurvePieces:
         return cls(depth[order], np.concatenate(coefficients)[order]).with_one_end()
 
     def with_one_end(self) -> CurvePieces:
-        """Merge all pieces at the end of the curve that have the same constant hardness into a single piece."""
+        """Merge the last pieces of the curve into one if they have the same constant hardness."""
         hardness = self.coefficients[:, 0]  # at the beginning of each piece
         # largest contribution of each power of the depth to the hardness in a piece, (pieces − 1, 3)
         variation = np.abs(self.coefficients[:-1, 1:] * self._widths[:, None] ** np.arange(1, 4))

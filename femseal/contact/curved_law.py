@@ -84,7 +84,7 @@ class _Curve(NamedTuple):
     def of(cls, law: ContactLaw) -> _Curve | None:
         """Represent a contact law as a curve H(u) of cubic pieces, with u₀ and p_f of each point.
 
-        Returns None in two cases: if the laws of different points differ not only in u₀ and p_f, or if the curve needs
+        Returns None in two cases: if the laws of different points differ in more than u₀ and p_f, or if the curve needs
         too many cubic pieces.
         """
         shifted = law.shifted()

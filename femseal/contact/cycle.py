@@ -57,8 +57,8 @@ class LoadState(LoadStep, Plotted):
     contact : Contact
         Solution of the contact at the load step.
     yielded_again : float
-        Fraction of the points that yield during unloading. During unloading, contact pressure moves from some points to
-        others, so that points that were elastic at the peak load may yield.
+        Fraction of the points that yield during unloading. Unloading shifts contact pressure from some points to
+        others. Points that were elastic at the peak load may therefore yield.
     """
 
     contact: Contact = field(kw_only=True)
@@ -72,7 +72,7 @@ class LoadState(LoadStep, Plotted):
 
 
 class LoadCycle(tuple[LoadState, ...], Plotted):
-    """Tuple of the states of a load cycle, which can be displayed as a table and plotted."""
+    """States of a load cycle as a tuple, which can be displayed as a table and plotted."""
 
     __slots__ = ()
 

@@ -1,4 +1,4 @@
-"""Solve a contact by steps that never increase the energy, for problems in which the active sets cycle.
+"""Solve a contact by steps that never increase the energy; used if the active sets keep cycling.
 
 Each iteration begins with a projected-gradient step of Barzilai-Borwein length. The gradient step determines which
 points are free. Conjugate gradients on the free points follow; they ignore the bounds of the pressure. Their result is
@@ -32,7 +32,7 @@ _HALVINGS = 60
 class Solution(NamedTuple):
     """Data of a solution on one grid. The pressure p and v = Kp + h₁ remain in the workspace of the grid.
 
-    delta : approach δ minus the offset of the heights [m].
+    delta : approach δ, measured from the offset of the heights [m].
     residual : residual ‖p − y‖/‖y‖.
     iterations : number of iterations.
     products : number of products of K with a pressure.
@@ -73,7 +73,7 @@ def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit:
     problem : Problem
         Undeformed gap, contact law and load.
     delta : float
-        First guess of the approach minus the offset of the heights [m].
+        First guess of the approach, measured from the offset of the heights [m].
     rtol : float
         Target residual.
     limit : int

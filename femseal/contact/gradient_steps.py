@@ -140,7 +140,7 @@ def step(
     compliance : factor 1/E* [1/Pa], by which `kd` is multiplied to obtain Kd.
     wr : product w·r for this search direction d.
 
-    Returns d·Kd, d·d, and whether the step was performed. The step is performed if d·(Kd + a d) > 0.
+    Returns d·Kd, d·d, and whether the step was performed. The step is only taken if d·(Kd + a d) > 0.
     """
     list_response(n_near, kd, compliance, dense.size // kd.shape[0], near, response)
     curvature, squared_length, total_curvature = curvatures(

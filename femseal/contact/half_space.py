@@ -193,8 +193,8 @@ def free_symbol(shape: Shape, spacing: Pair, modulus: float | Bodies) -> Array:
     """Compute the eigenvalues of the compliance K [m/Pa] for two free axes.
 
     The eigenvalues are the Fourier transform of Love's solution, the displacement around a pixel under constant
-    pressure. Love's solution applies to a half-space without a coating. For coated bodies, the change of the
-    displacement by the coatings is added, see `layered.free_difference`.
+    pressure. Love's solution applies to a half-space without a coating. For coated bodies, the change in
+    displacement due to the coatings is added, see `layered.free_difference`.
     """
     length1, length2 = (padded_length(n) for n in shape)
     d1, d2 = spacing
@@ -262,7 +262,7 @@ def strip_symbol(
     the aliases is an alternating series with a closed form. The sum over the aliases is equal to the sum of Love's
     solutions for all periodic images of the pixel.
 
-    For coated bodies, the change of the displacement by the coatings is added, see `layered.strip_difference`.
+    For coated bodies, the change in displacement due to the coatings is added, see `layered.strip_difference`.
 
     Parameters
     ----------

@@ -158,17 +158,17 @@ def layer_factor(body: Coated, t: Array) -> Array:
 
 
 def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodies: Bodies) -> Array:
-    """Compute the change of the displacement by the coatings, compared with uncoated half-spaces, for one free axis.
+    """Compute the change in displacement due to the coatings, compared with uncoated half-spaces, for one free axis.
 
     The uncoated half-spaces have the properties of the layers. The change is added to the kernel in
     `half_space.strip_symbol` before its Fourier transform.
 
     Let q₁ be the wave number along the free axis, q₂ the wave number along the periodic or mirror axis, and q² = q₁² +
-    q₂². For q₂ > 0, the change of the displacement is (1/2π) ∫ 2(S(qd) − 1)/(E₁* q) exp(i q₁ x) dq₁, averaged over
+    q₂². For q₂ > 0, the change in displacement is (1/2π) ∫ 2(S(qd) − 1)/(E₁* q) exp(i q₁ x) dq₁, averaged over
     pixels. The integral is computed by the trapezoidal rule, which is a Fourier transform. Because the integrand is
     smooth, the rule converges exponentially.
 
-    For q₂ = 0, the change of the displacement is a sum of logarithms, one logarithm for each exponential of the fit of
+    For q₂ = 0, the change in displacement is a sum of logarithms, one logarithm for each exponential of the fit of
     S − 1.
 
     Parameters
@@ -187,7 +187,7 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
     Returns
     -------
     array (waves, n_free)
-        Change of the displacement at each offset along the free axis, for a pressure of 1 Pa on the pixel at offset 0
+        Change in displacement at each offset along the free axis, for a pressure of 1 Pa on the pixel at offset 0
         [m/Pa].
     """
     kernel = np.zeros((q.size, n_free))
@@ -206,7 +206,7 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
 
 
 def free_difference(edges1: Array, edges2: Array, bodies: Bodies) -> Array:
-    """Compute the change of the displacement by the coatings, compared with uncoated half-spaces, for two free axes.
+    """Compute the change in displacement due to the coatings, compared with uncoated half-spaces, for two free axes.
 
     The uncoated half-spaces consist of the materials of the layers. Each exponential a exp(−bt) of the fit of S − 1
     adds the displacement a/(πE₁*) ∫∫ dx dy/√(x² + y² + z²) with z = b d, where the integral is over a pixel. The
@@ -226,7 +226,7 @@ def free_difference(edges1: Array, edges2: Array, bodies: Bodies) -> Array:
     Returns
     -------
     array (n1, n2)
-        Change of the displacement at the origin for a pressure of 1 Pa on each single pixel [m/Pa].
+        Change in displacement at the origin for a pressure of 1 Pa on each single pixel [m/Pa].
     """
     kernel = np.zeros((edges1.size - 1, edges2.size - 1))
     x, y = edges1[:, None], edges2
@@ -324,7 +324,7 @@ def _long_wave_factor(body: Coated) -> float:
 
 
 def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
-    """Compute the change of the displacement by a coating for a pressure that varies only along the free axis.
+    """Compute the change in displacement due to a coating for a pressure that varies only along the free axis.
 
     Each exponential a exp(−bt) of `_exponentials` adds the displacement −(2a/πE₁*) ln √(x² + z²) at the distance x from
     a line load, with z = b d. The integral of ½ ln(x² + z²) over a pixel is the difference of
@@ -334,7 +334,7 @@ def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
     n : number of points of the free axis.
     d : pixel length of the free axis [m].
 
-    Returns the change of the displacement at each offset for a pressure of 1 Pa on the pixel at offset 0, (n,) [m/Pa].
+    Returns the change in displacement at each offset for a pressure of 1 Pa on the pixel at offset 0, (n,) [m/Pa].
     """
     amplitudes, exponents = _exponentials(_without_length(body))
     length = n * d  # of the strip
@@ -346,7 +346,7 @@ def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
 
 
 def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -> Array:
-    """Compute the change of the displacement by a coating for waves q > 0 along the axis that is not free.
+    """Compute the change in displacement due to a coating for waves q > 0 along the axis that is not free.
 
     See `strip_difference` for the integral. The uniform pressure on a pixel contains aliases of the waves along both
     axes, whose contributions are added up. The weight of an alias is the Fourier transform of the uniform pressure on a
@@ -357,7 +357,7 @@ def _wave_difference(n: int, d: float, q: Array, d_other: float, body: Coated) -
     q : wave numbers along the axis that is not free (waves,) [rad/m]; the largest is at most twice the smallest.
     d_other : pixel length of the axis that is not free [m].
 
-    Returns the change of the displacement (wave, offset) for a pressure of 1 Pa on the pixel at offset 0 [m/Pa].
+    Returns the change in displacement (wave, offset) for a pressure of 1 Pa on the pixel at offset 0 [m/Pa].
     """
     # a case that is only checked does not load the transforms
     from scipy.fft import irfft, next_fast_len

@@ -309,7 +309,7 @@ def capacity(first, end, x, hardness, slope, c_law, listed, load):
     highest : largest trial pressure x at δ = 0. If cδ < −highest, all projected pressures are 0.
     full : largest value of min(H, load) − x. If cδ > full, the pressure of each point is at least min(H, load). The
         points then carry at least the load, or all points are at their hardness.
-    total : sum of the hardnesses H of the points: the load that they carry when the pressure of each point is H.
+    total : sum of the hardnesses H, that is, the load carried if every point is at its hardness.
     rise : sum of the slopes t, that is, the derivative of the load with respect to cδ when all points harden.
     """
     x, listed = x[first:end], listed[first:end]

@@ -46,9 +46,9 @@ def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
     for the next contact. The mismatch is the relative difference between a pressure and its projection on the contact
     law. Each contact is solved until its residual is a fraction of the mismatch left by the previous contact.
 
-    If the law of a point softens and its change of u has changed sign, only half of the change is applied. Without this
-    rule, u could oscillate between two tangents. If the law begins with a constant hardness up to a certain depth, and
-    no point is deformed beyond this depth, the first contact is already the solution.
+    If the law of a point softens and its change of u has changed sign, only half of the change is applied. This keeps u
+    from oscillating between two tangents. If the law begins with a constant hardness up to a certain depth, and no
+    point is deformed beyond this depth, the first contact is already the solution.
 
     Raises
     ------

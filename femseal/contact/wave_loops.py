@@ -127,8 +127,8 @@ def copy_columns(columns, block, twist, order):
     """Copy columns into the rows of a block, reordering the points for the transform.
 
     If the first axis is free, `twist` is not empty, and each column has two rows in the block. The row in the first
-    half of the block contains the points, and its transform gives the waves with even numbers. The row in the second
-    half contains the points multiplied by `twist`, and its transform gives the waves with odd numbers. Zeros are
+    half of the block contains the points, and its transform gives the even-numbered waves. The row in the second
+    half contains the points multiplied by `twist`, and its transform gives the odd-numbered waves. Zeros are
     appended to both rows.
 
     columns : array (n1, columns), transforms of the rows of the grid.

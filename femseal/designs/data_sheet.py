@@ -115,7 +115,7 @@ class Design(Plotted):
 
         The stiffness is (Q_A − Q_A/3) / (h(Q_A/3) − h(Q_A)), with the mean gap h during unloading. Because an interface
         has no thickness, the modulus E_G of EN 13555 of a gasket is this stiffness times the thickness of the gasket.
-        Between the steps of unloading, the mean gap is interpolated linearly over ln(pressure). Stochastic runs have no
+        Between unloading steps, the mean gap is interpolated linearly over ln(pressure). Stochastic runs have no
         stiffness. A pressure Q_A is left out if the unloading from Q_A ends above Q_A/3.
         """
         data = self.results.dataset
@@ -517,7 +517,7 @@ def _rows_of_requirement(answer: Design, need: Requirement) -> list[dict[str, An
 def _pressure_row(
     answer: Design, figure: str, class_name: str, peak: float | None, needed: NeededPressure
 ) -> dict[str, Any]:
-    """Make the row of the table for a pressure that is required to meet a leakage class.
+    """Make the table row for a pressure required to meet a leakage class.
 
     The columns "computed", "low" and "high" contain the pressure that follows from the computed leakage, and the lower
     and upper limits of the 95 % interval of the required pressure. A cell is empty if the pressure is unknown or

@@ -126,7 +126,7 @@ class Seals:
         return falling_steps(self.steps, peak)
 
     def needed_pressures(self, limit: float, peak: float | None = None) -> Array:
-        """Find the lowest pressure at which each realisation meets a limit of the leakage.
+        """Find, for each realisation, the lowest pressure at which it meets a leakage limit.
 
         Parameters
         ----------

@@ -526,7 +526,7 @@ def _needs_new_fields(former_output: dict[str, Any], output: dict[str, Any]) -> 
 
     Files with fields over all pixels and files for ParaView cannot be written from the results.
 
-    former_output : table [output] of the case of the former run.
+    former_output : table [output] of the former run's case.
     output : table [output] of the present case.
     """
     if output["paraview"] not in (former_output.get("paraview"), "none"):
