@@ -170,7 +170,7 @@ def starting_processes() -> Iterator[None]:
 def end_processes(kill: bool = False) -> None:
     """End the worker processes; worker processes that do not end within `END_SECONDS` are killed.
 
-    Without this function, joblib would wait for all worker processes without a time limit when this process ends. A
+    Without this function, joblib would wait indefinitely for all worker processes when this process ends. A
     hanging worker process would therefore prevent this process from ending.
 
     kill : whether to kill all worker processes at once.

@@ -127,7 +127,7 @@ class Run:
         self.timings[name] = self.timings.get(name, 0.0) + seconds
 
     def _reporting_mapper(self, part: str) -> Mapper:
-        """Return a mapper that reports the progress of each stage and records the wall time of the stage.
+        """Return a mapper that reports the progress of each stage and records its wall time.
 
         part : name of the part of the run to which the stages belong, such as "two-scale".
         """
@@ -209,7 +209,7 @@ def ordered_map(
         for a worker, for at most `cluster.WORKER_SECONDS`. "local" starts a scheduler and `workers` processes on this
         machine.
     before : callable, optional
-        Function such as `compile_ahead`, which is called with the mapper before the mapper is yielded. The function is
+        Function such as `compile_ahead`, which is called with the mapper before it is yielded. The function is
         called only if the run uses several processes on this machine.
 
     Raises

@@ -288,12 +288,12 @@ def _draw(result: Any) -> Figure:
 def shows(result_class: type) -> Callable[[Callable[..., Figure]], Callable[..., Figure]]:
     """Return a decorator that registers a drawing function for a class of results.
 
-    The method `plot()` of the class calls the registered function, with the style of femseal. The first argument of the
+    The method `plot()` of the class calls the registered function in the style of femseal. The first argument of the
     function must be the result. Any further arguments of the function become options of `plot()`.
     """
 
     def register(draw: Callable[..., Figure]) -> Callable[..., Figure]:
-        """Register the function `draw` for `result_class`; return a function that draws with the style of femseal."""
+        """Register the function `draw` for `result_class`; return a function that draws in the style of femseal."""
         draw_in_style = styled(draw)
         _draw.register(result_class, draw_in_style)
         return draw_in_style

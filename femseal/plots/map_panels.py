@@ -101,9 +101,8 @@ def to_image(values: Array, size: Pair) -> Array:
 def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
     """Return the argument `interpolation` of `imshow` for a map with `shape` pixels.
 
-    If the map has fewer pixels than the panel, the map is not interpolated, so that each pixel of the map has a single
-    colour, even if a vector picture is enlarged. If the map has more pixels than the panel, neighbouring pixels are
-    averaged.
+    A map with fewer pixels than the panel is not interpolated, so that each pixel keeps a single colour even when a
+    vector picture is enlarged. If the map has more pixels than the panel, neighbouring pixels are averaged.
     """
     figure = figure_of(axes)
     width, height = axes.get_position().size * figure.get_size_inches() * figure.dpi

@@ -405,7 +405,7 @@ class FluidPressure:
         return CoupledContact(**vars(contact), flow=flow, carried=pressure, rounds=rounds)
 
     def _pressure_of_flow(self, flow: FaceFlow, applied: Array) -> Array:
-        """Compute the fluid pressure (n1, n2) [Pa] of a flow, also in contact areas, relative to the surroundings.
+        """Compute the fluid pressure (n1, n2) [Pa] of a flow relative to the surroundings, also in contact areas.
 
         If no fluid flows through the gap, the pressure `applied` is returned.
         """

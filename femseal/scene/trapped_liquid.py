@@ -3,8 +3,8 @@
 The amount of liquid in a pocket is the volume that the liquid has at the pressure of the surroundings. If the liquid
 has the volume V at the pressure p, its amount is V exp(p/B), with the bulk modulus B. As long as a pocket stays closed,
 its amount of liquid is constant. A pocket that closes between two loads is filled with liquid at the later load. If a
-pocket divides, its liquid is divided in proportion to the volumes of the new pockets. Liquid is lost from a pocket that
-opens to the inlet or the outlet, and from a pocket in which the liquid lifts the rim of the pocket.
+pocket splits, its liquid is divided in proportion to the volumes of the new pockets. Liquid is lost from a pocket that
+opens to the inlet or the outlet, and from a pocket whose rim is lifted by the liquid.
 """
 
 from dataclasses import dataclass
@@ -184,9 +184,9 @@ def _amount_per_area(
     """Compute the amount of liquid per area [m] at each point of the gap (n1, n2).
 
     The amount of liquid depends on the state of the point at the previous load. If the point was open and outside of
-    pockets, the gap of the point is filled with liquid at the pressure `surrounding`. If the point was in a pocket, the
-    liquid of this pocket is distributed over the points of the pocket in proportion to their gaps. If the point was in
-    contact, it has no liquid.
+    pockets, its gap is filled with liquid at the pressure `surrounding`. If the point was in a pocket, the liquid of
+    this pocket is distributed over its points in proportion to their gaps. If the point was in contact, it has no
+    liquid.
 
     The parameters are explained in `liquid_in_pockets`; `pixel_area` is the area of a pixel [m²].
     """

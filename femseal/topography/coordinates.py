@@ -1,9 +1,9 @@
 """Read tables of numbers that are not a plain matrix of heights.
 
-A table may contain coordinates x y z on a regular grid, a profile, or a matrix of heights whose first line or column
-contains the coordinates of an axis. A table x y z lists the points of a grid in any order; points of the grid that are
-not in the table are undefined. Files contain rounded coordinates, so that the steps of a regular grid may differ by a
-few per cent.
+A table may contain coordinates x y z on a regular grid, a profile, or a matrix of heights with the coordinates of an
+axis in its first line or column. A table x y z lists the points of a grid in any order; points of the grid that are not
+in the table are undefined. Files contain rounded coordinates, so that the steps of a regular grid may differ by a few
+per cent.
 """
 
 from collections.abc import Sequence
@@ -277,8 +277,8 @@ def find_lattice(values: NDArray) -> Lattice | None:
     """Find the lattice of equidistant points on which values lie; return None for values on no lattice.
 
     Lattice points without a value are allowed. The step is first estimated from the smallest distances between values.
-    Each value then gets a lattice index, a straight line is fitted to the values as a function of their index, and the
-    slope of this line is the improved step. Indexing and fitting are repeated once.
+    Each value is then assigned a lattice index. The slope of a straight line fitted to the values as a function of
+    their index is the improved step. Indexing and fitting are repeated once.
 
     values : array (values,), in any order.
     """

@@ -193,7 +193,7 @@ def roughness(flat: Topography) -> dict[str, Any]:
 
     The parameters of the surface use the longer of the two λc chosen along x1 and along x2.
 
-    flat : map without its form and without undefined points.
+    flat : map with its form removed and all points defined.
     """
     along_x1, along_x2 = (_profile_parameters(flat, axis) for axis in (0, 1))
     cut_off = max((c for c in (along_x1.cut_off, along_x2.cut_off) if c > 0), default=nan)

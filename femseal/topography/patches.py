@@ -40,7 +40,7 @@ class Patches(Plotted):
     The methods act on each patch separately. Other operations of `Topography` can be applied to the elements of
     `patches`.
 
-    Patches of different size or resolution are adapted to each other in three steps. First, all patches are trimmed
+    Patches of different size or resolution are matched in three steps. First, all patches are trimmed
     symmetrically along x1 to the width of the narrowest patch. Then all patches are resampled to the largest pixel
     size, which changes the sides of a patch by at most half a pixel. Finally, each patch is cut along x2 to a multiple
     of one eighth of the length of the shortest patch.
@@ -67,7 +67,7 @@ class Patches(Plotted):
     patches: tuple[Topography, ...]
 
     def __init__(self, patches: Iterable[Topography]) -> None:
-        """Check the patches and adapt them to each other."""
+        """Check the patches and match their widths and pixel sizes."""
         try:
             maps = list(patches)
         except TypeError:
@@ -133,18 +133,18 @@ class Patches(Plotted):
 
     @property
     def rms_slopes(self) -> Pair:
-        """Rms slopes [-] along x1 and x2, without the steps between patches."""
+        """Rms slopes [-] along x1 and x2, ignoring the steps between patches."""
         squares = np.square([patch.rms_slopes for patch in self.patches])  # (patch, axis)
         along_x1, along_x2 = (float(np.sqrt(self._mean(values))) for values in squares.T)
         return along_x1, along_x2
 
     @property
     def rms_slope(self) -> float:
-        """Rms of the slope |∇z| [-], without the steps between patches."""
+        """Rms of the slope |∇z| [-], ignoring the steps between patches."""
         return float(np.hypot(*self.rms_slopes))
 
     def rms_slope_of_long_waves(self, wavelength: float) -> float:
-        """Return the rms slope [-] of waves at least as long as `wavelength` [m], without steps between patches."""
+        """Return the rms slope [-] of waves at least as long as `wavelength` [m], ignoring steps between patches."""
         slopes = [patch.rms_slope_of_long_waves(wavelength) for patch in self.patches]
         return float(np.sqrt(self._mean(np.square(slopes))))
 
@@ -157,7 +157,7 @@ class Patches(Plotted):
         return split_patches(values, self.widths)
 
     def check_waves(self) -> None:
-        """Raise InputError if the mean wavelength of one patch differs much from the median over all patches."""
+        """Raise InputError if the mean wavelength of one patch differs greatly from the median over all patches."""
         waves = np.array(
             [2 * np.pi * patch.rms_height / (patch.rms_slope or np.inf) for patch in self.patches]
         )
@@ -294,7 +294,7 @@ def _check_patches(patches: Sequence[Topography]) -> None:
 
 
 def _check_alike(name: str, values: NDArray, most: float, expected: str) -> None:
-    """Raise InputError if a property of one patch differs much from the median over all patches.
+    """Raise InputError if a property of one patch differs greatly from the median over all patches.
 
     Parameters
     ----------

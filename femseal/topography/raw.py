@@ -26,7 +26,7 @@ class Raw:
     spacing : tuple of two float, optional
         Pixel size [m]. None if the file does not state the pixel size.
     needs_unit : bool
-        Whether heights without a unit are refused (True) or taken to be in metres (False).
+        Whether to refuse heights without a unit (True) or take them to be in metres (False).
     mask : array of bool, (n1, n2), optional
         Points that are masked in the file.
     instrument : Instrument

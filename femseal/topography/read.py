@@ -91,8 +91,8 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
     - every other format through SurfaceTopography (femseal[surface]).
 
     The x axis of the file becomes x1; in a text file, the points of a line lie along x. NumPy arrays are not
-    transposed. If the caller gives a size, spacing or unit, it overrides the size, spacing or unit in the file, because
-    files sometimes contain wrong units. Assumptions about the file are logged.
+    transposed. A size, spacing or unit given by the caller overrides the one in the file, because files sometimes
+    contain wrong units. Assumptions about the file are logged.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ _HEAD = 2**16
 def is_text(path: Path) -> bool:
     """Return whether a file contains text.
 
-    The suffix decides for all files except .dat files, which are opened: a .dat file without zero bytes counts as text.
+    The suffix decides, except for .dat files, which are opened: a .dat file without zero bytes is taken to be text.
     """
     suffix = path.suffix.lower()
     if suffix != ".dat":
@@ -277,7 +277,7 @@ class _Layout:
 def _find_layout(lines: list[str], delimiter: str | None) -> _Layout:
     """Determine the format of the numbers in some lines.
 
-    delimiter : separator between numbers that the caller gives; None to recognise the separator in the first line.
+    delimiter : separator given by the caller; None to detect the separator in the first line.
     """
     texts = [line.strip(" \r\n") for line in lines]
     texts = [text for text in texts if text.strip() and not _is_comment(text)]
@@ -297,7 +297,7 @@ def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
     """Return the index of the line at which the table of numbers begins.
 
     The table begins with the first of three successive lines that contain equally many numbers. If the line directly
-    above is a faulty row of the table, the table begins with the faulty row, so that its fault is reported. A text
+    above is a faulty row of the table, the table begins with that row, so that the fault is reported. A text
     without three such lines begins with its first line of numbers. A text without any line of numbers begins with the
     first line that starts with a digit, so that an error message can quote this line.
     """

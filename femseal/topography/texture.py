@@ -128,10 +128,10 @@ class Spectrum:
 def spectrum(topography: Surface) -> Spectrum:
     """Find the shortest measured wave, the noise and the power law of a map without form and undefined points.
 
-    Three lower limits on the shortest measured wave are determined; the largest one applies. Because of the grid, the
-    shortest measured wave is at least twice the larger pixel spacing. If the spectrum ends with white noise, the noise
-    limit is the wavelength at which C is four times the density of the noise. If the spectrum follows a power law, the
-    instrument limit is the wavelength below which C is less than a tenth of the power law.
+    Three lower limits on the shortest measured wave are determined; the largest one applies. The grid limit is twice
+    the larger pixel spacing. If the spectrum ends with white noise, the noise limit is the wavelength at which C is
+    four times the density of the noise. If the spectrum follows a power law, the instrument limit is the wavelength
+    below which C is less than a tenth of the power law.
 
     For several patches, the spectrum of one patch is returned: the patch whose shortest measured wave is the longest.
     """
@@ -388,7 +388,7 @@ class Texture:
 
 
 def texture(topography: Topography) -> Texture:
-    """Compute the texture parameters of a map without its form and without undefined points.
+    """Compute the texture parameters of a map whose form has been removed and whose points are all defined.
 
     Sal is the distance over which the autocorrelation falls to 0.2 in the direction of fastest decay. Str is the ratio
     of Sal to the distance over which the autocorrelation falls to 0.2 in the direction of slowest decay. If the

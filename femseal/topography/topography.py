@@ -319,7 +319,7 @@ class Topography(Plotted):
     def detrend(self, order: int | None = 1) -> Topography:
         """Subtract the form of the map, which is fitted by least squares; see `form`.
 
-        The fit ignores undefined points, and undefined points remain undefined.
+        The fit ignores undefined points, and they remain undefined.
 
         Raises
         ------
@@ -626,7 +626,7 @@ class Topography(Plotted):
         return self.with_heights(heights)
 
     def _defined(self, purpose: str) -> Array:
-        """Return the heights; raise InputError if points are undefined.
+        """Return the heights; raise InputError if any point is undefined.
 
         purpose : operation that needs the heights, for the message.
         """

@@ -162,7 +162,7 @@ def continuation_of(
     Parameters
     ----------
     flat : Topography or Patches
-        The surface with all measured waves, without its form and without undefined points.
+        The surface with all measured waves, with its form removed and all points defined.
     cut_off : float
         Shortest wave [m].
     longest : float, optional
@@ -206,7 +206,7 @@ def continue_spectrum(
     Parameters
     ----------
     topography : Topography or Patches
-        The surface, without its form and without undefined points.
+        The surface, with its form removed and all points defined.
     cut_off : float
         Shortest wave [m].
     shape : tuple of two int, optional
@@ -257,7 +257,7 @@ _RISE = 3.0
 
 @dataclass(frozen=True)
 class Representative:
-    """Describe how many of the longest waves of a surface a patch contains.
+    """Describe how many of the longest waves of a surface fit into a patch.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ class Representative:
 
 
 def representative(patch: Surface) -> Representative:
-    """Estimate the longest waves of a surface, and how many of them a patch contains.
+    """Estimate the longest waves of a surface, and how many of them fit into a patch.
 
     The form must have been subtracted from the surface, and all points must be defined. Of several patches, the one
     that contains the fewest of its own longest waves is described. A narrow patch may have no waves in the octave of
