@@ -196,8 +196,8 @@ def _in_table(name: object) -> NamedFluid | None:
 def _coolprop_and_name(name: Any, temperature: float) -> tuple[Any, str]:
     """Return the module CoolProp, and the name that CoolProp uses for a fluid.
 
-    Raises an InputError if CoolProp is not installed, if it does not know the fluid, or if its equations are not valid
-    for this fluid at the temperature [K].
+    Raises an InputError if CoolProp is not installed, does not know the fluid, or has no valid equations for it at this
+    temperature [K].
     """
     names_in_table = f"one of {', '.join(TABLE)} at 20 °C"
     try:

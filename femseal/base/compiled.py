@@ -1,7 +1,7 @@
 """Compile loops over large arrays with Numba, and divide their work between the threads of this process.
 
-Results are identical to the last bit for any number of threads, because the division of an array into parts only
-depends on its size, and the values of the parts are added in a fixed order.
+Results are identical to the last bit for any number of threads: the division of an array into parts only depends on its
+size, and the parts are summed in a fixed order.
 
 Compiled loops are cached on disk. They release the global interpreter lock (GIL), so that several threads can run them
 at the same time. By default, Numba also compiles two entry points for each function: one for calls from C, and one for

@@ -164,9 +164,9 @@ class LeakBasis:
     def usual_unit(self, value: float) -> LeakUnit:
         """Choose the customary unit for the leakage of a whole seal that leaks `value` [m²/s] per length.
 
-        The leakage of a gas is given in standard litres per minute if it is at least 1 std L/min, and otherwise in
-        mbar·L/s, the unit of leak tests. The leakage of a liquid is given in L/min, mL/min, drops per minute, drops per
-        hour or mL per year: whichever is the largest unit that gives a value of at least 1.
+        Gas leakages of at least 1 std L/min are given in standard litres per minute, and smaller ones in mbar·L/s, the
+        unit of leak tests. The leakage of a liquid is given in L/min, mL/min, drops per minute, drops per hour or mL
+        per year: whichever is the largest unit that gives a value of at least 1.
         """
         names = _USUAL_FOR_GASES if self.is_gas else _USUAL_FOR_LIQUIDS
         units = self.units(names)

@@ -47,9 +47,9 @@ class Contact(Shown):
     def area_fraction_corrected(self) -> float:
         """Contact fraction, corrected for the discretisation error at the edges of contact patches.
 
-        A pixel that is only partly in contact is counted in full, so that the contact area is overestimated. For each
-        pixel side between a pixel in contact and a pixel with a gap, the contact area is too large by (π − 1 + ln 2)/24
-        of the area of a pixel (Yastrebov, Anciaux & Molinari, Tribol. Int. 114, 2017, 161).
+        A pixel that is only partly in contact is counted in full, so that the contact area is overestimated. Each pixel
+        side between contact and gap adds an error of (π − 1 + ln 2)/24 of a pixel area (Yastrebov, Anciaux & Molinari,
+        Tribol. Int. 114, 2017, 161).
         """
         in_contact = self.pressure > 0
         n_sides = 0

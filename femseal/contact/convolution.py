@@ -9,18 +9,18 @@ three stages:
    processed in blocks that fit in the cache.
 3. The rows are transformed back, which gives the displacement.
 
-The cosine transform of N points of a mirror axis is computed from the Fourier transform of the points in the order
-0, 2, 4 … 5, 3, 1. Each of the cosine coefficients k and N − k is a linear combination of the waves k and N − k. Hence,
-K mixes the waves k and N − k (Makhoul, IEEE Trans. Acoust. Speech Signal Process. 28, 1980, 27). A free axis is padded
-with zeros; rows that contain only zeros are not transformed.
+On a mirror axis, the cosine transform of N points is computed as a Fourier transform of the points in the order 0, 2, 4
+… 5, 3, 1. Each of the cosine coefficients k and N − k is a linear combination of the waves k and N − k. Hence, K mixes
+the waves k and N − k (Makhoul, IEEE Trans. Acoust. Speech Signal Process. 28, 1980, 27). A free axis is padded with
+zeros; rows that contain only zeros are not transformed.
 
 Large grids do not fit in any cache. On large grids, the waves and the displacement therefore share one array, whose
 rows are longer than the rows of the grid. Columns of large grids are copied to a contiguous block before they are
 transformed, whereas columns of small grids are transformed without a copy.
 
-If the first axis of a large grid is free, its columns are not padded to the full length 2m, but have two transforms of
-length m. The first transform, of the points, gives the even-numbered waves. For the second transform, each point j
-is multiplied by exp(−iπj/m). The second transform gives the odd-numbered waves. The factors exp(−iπj/m) are called
+If the first axis of a large grid is free, each column gets two transforms of length m instead of being padded to the
+full length 2m. The first transform, of the points, gives the even-numbered waves. For the second transform, each point
+j is multiplied by exp(−iπj/m). The second transform gives the odd-numbered waves. The factors exp(−iπj/m) are called
 the twist.
 
 FFTW plans its transforms with the option FFTW_ESTIMATE and without wisdom, that is, by fixed rules instead of measured

@@ -3,9 +3,9 @@
 The method is the active-set method for linear contact laws (`active_sets`). In each iteration, the curve of each point
 is replaced by the tangent of the curve at the present plastic deformation.
 
-1. In each evaluation of the contact, the trial pressure z = p − c (v − δ) of each point near contact is projected on
-   the curve of the point. The projection follows from the scalar equation H(u) + c u = z for the plastic deformation u.
-   The equation has one solution u if the law does not soften too steeply.
+1. Each evaluation of the contact projects the trial pressures z = p − c (v − δ) of all points near contact onto their
+   curves. The projection follows from the scalar equation H(u) + c u = z for the plastic deformation u. The equation
+   has one solution u if the law does not soften too steeply.
 2. The tangent of the curve at u becomes the linear law of the point. Where the curve falls, a horizontal line replaces
    the tangent.
 3. Newton's method finds the approach δ for which the sum of the projected pressures y on the curves is the load.

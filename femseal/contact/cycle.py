@@ -1,10 +1,10 @@
 """Solve the contact along a load programme, including the plastic deformation that remains after each peak load.
 
-Contact states of first loading do not depend on the loading history. For the states of an unloading, the plastic
-deformation at the peak load is added to the undeformed gap, and the contact law is H(u + u₀), where u₀ is the plastic
-deformation of each point at the peak load. At the peak load itself, this modified problem has the same solution as the
-contact on first loading. Reloading follows the unloading curve up to the peak load. Above the peak load, reloading
-follows the curve of first loading (Sahlin et al., Proc. IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018).
+Contact states of first loading do not depend on the loading history. For an unloading, let u₀ be the plastic
+deformation at the peak load. It is added to the undeformed gap, and the contact law becomes H(u + u₀). At the peak load
+itself, this modified problem has the same solution as the contact on first loading. Reloading follows the unloading
+curve up to the peak load. Above the peak load, reloading follows the curve of first loading (Sahlin et al., Proc.
+IMechE J 224, 2010, 335; Pérez-Ràfols et al., 2018).
 """
 
 from __future__ import annotations
@@ -216,9 +216,9 @@ def load_states(
         Function of a `LoadState` that is called in the process in which the state has been solved. The value that
         `take` returns is yielded instead of the state.
     remember : callable, optional
-        Function of a `Contact` that returns what the next load step needs to know about this contact, in addition to
-        the plastic deformation. The value that `remember` returns is passed to `solve` at the next load step as the
-        argument `remembered`. If `remember` is given, the steps of first loading are solved one after another.
+        Function that takes a `Contact` and returns whatever the next load step needs besides the plastic deformation.
+        The value that `remember` returns is passed to `solve` at the next load step as the argument `remembered`. If
+        `remember` is given, the steps of first loading are solved one after another.
     memory : float
         Memory that is needed to solve a state and to call `take` [byte]. The required memory limits the number of
         states that are solved at the same time.

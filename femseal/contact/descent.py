@@ -118,9 +118,9 @@ def _project(
 ) -> tuple[float, Array]:
     """Project trial pressures onto the contact law, choosing the approach δ such that the result carries the load.
 
-    The trial pressure of a point is z = p − c (v − δ), with the pressure p, the displacement plus undeformed gap v, and
-    the stiffness c. The projected pressure is y = 0 for z < 0, y = z for z between 0 and the hardness H, and
-    y = H + t (z − H) for larger z, with t = h/(h + c) and the hardening modulus h.
+    The trial pressure of a point is z = p − c (v − δ). Here p is the pressure, v the displacement plus undeformed gap,
+    and c the stiffness. The projected pressure is y = 0 for z < 0, y = z for z between 0 and the hardness H, and y = H
+    + t (z − H) for larger z, with t = h/(h + c) and the hardening modulus h.
 
     Parameters
     ----------

@@ -15,8 +15,8 @@ scale : factor s = 1/√(1 + a m) of each free point, where m is the middle weig
 Other arrays
 ------------
 response : Kd at the points near contact, in the order of the list `near`.
-dense : values at all points of the grid, either the values to which the stencil is applied, or the search direction d;
-    0 at points that are not free.
+dense : values on the whole grid: the search direction d or other values to which the stencil is applied; 0 at points
+    that are not free.
 weights : stencil M of the preconditioner (3, 3).
 rows : grid rows that correspond to the row numbers −1 to n1, (n1 + 2,). The row numbers −1 and n1 lie outside the grid.
     On a periodic or mirror axis, the row numbers −1 and n1 correspond to rows of the grid. On a free axis, the array
@@ -160,8 +160,8 @@ def step(
 def list_response(first, end, kd, compliance, columns, near, response):
     """Copy Kd at some points near contact from the grid to a list.
 
-    The rows of the grid have `columns` points; the rows of `kd` may be longer. Because the grid indices in the list
-    `near` increase, the loop counts the rows that it has passed, which is faster than dividing each index by `columns`.
+    The rows of the grid have `columns` points; the rows of `kd` may be longer. The grid indices in `near` increase, so
+    the loop can keep count of the row. This is faster than dividing each index by `columns`.
     """
     listed = near[first:end]  # grid indices, in increasing order
     out = response[first:end]

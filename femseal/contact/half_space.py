@@ -40,9 +40,8 @@ class HalfSpace:
     """An elastic half-space with pressures p and displacements u = K p on a grid of pixels.
 
     On periodic axes the Fourier coefficients of the displacement are û = 2 p̂/(E*|q|), and the mean displacement is
-    arbitrary. Beyond the ends of a mirror axis, the pressure is the mirror image of the pressure on the axis, so that a
-    cosine transform on the points of the grid is exact. Along a free axis, the pressure is constant within each pixel,
-    and 0 beyond the ends of the axis.
+    arbitrary. On a mirror axis, the pressure is mirrored beyond both ends. A cosine transform over the grid points is
+    then exact. Along a free axis, the pressure is constant within each pixel, and 0 beyond the ends of the axis.
 
     Parameters
     ----------
@@ -256,11 +255,11 @@ def strip_symbol(
     the displacement due to this load is (2/πE*) K₀(|q||x|). For q = 0, the displacement is the logarithmic solution of
     plane strain, which contains an arbitrary constant.
 
-    A pressure that is constant on each pixel and follows a wave q from pixel to pixel also contains the aliases
-    q + 2πm/Δ for all integers m. The displacement due to the pressure on a pixel is therefore a sum over all aliases.
-    The contribution of an alias to the displacement decays exponentially with the distance x. At x = 0, the sum over
-    the aliases is an alternating series with a closed form. The sum over the aliases is equal to the sum of Love's
-    solutions for all periodic images of the pixel.
+    A pressure wave q that is sampled by constant values on the pixels also contains the aliases q + 2πm/Δ for all
+    integers m. The displacement due to the pressure on a pixel is therefore a sum over all aliases. The contribution of
+    an alias to the displacement decays exponentially with the distance x. At x = 0, the sum over the aliases is an
+    alternating series with a closed form. The sum over the aliases is equal to the sum of Love's solutions for all
+    periodic images of the pixel.
 
     For coated bodies, the change in displacement due to the coatings is added, see `layered.strip_difference`.
 
@@ -339,9 +338,8 @@ def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> A
 def _add_wave(waves: Array, d: float, q: Array, weight: Array) -> None:
     """Add one alias of each wave to the kernels (wave, pixel): weight · ∫ K₀(q|t|) dt over each pixel.
 
-    The pixels lie at t = 0, d, 2d, … The integral over the pixel at t = 0 is the integral over the whole line minus the
-    integral over |t| > d/2. This function subtracts only the integral over |t| > d/2. The caller adds the integral over
-    the whole line, for all aliases at once.
+    The pixels lie at t = 0, d, 2d, … The integral over the pixel at t = 0 is that over the whole line minus that over
+    |t| > d/2. Only the latter is subtracted here; the caller adds the former, for all aliases at once.
 
     waves : kernels (wave, pixel), which the function changes.
     d : pixel length [m].

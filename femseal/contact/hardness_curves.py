@@ -190,10 +190,9 @@ class CoatedLaw(ContactLaw):
     a good approximation for contact patches that are at most about six times as wide as the coating is thick. On wider
     patches, the coating carries more pressure than the law assumes. Consider a strip of width w in contact, with a
     coating of yield stress σ_y that sticks to both faces. In plane strain, the mean pressure on the strip is (2/√3) σ_y
-    (1 + w/4d) (slab method, Hosford & Caddell, Metal Forming, section 9.11). The mean pressure on the strip exceeds the
-    usual hardness 2.8 σ_y if w > 5.7 d: by 44 % for w = 10 d, and by a factor of 2.5 for w = 20 d. The contact law is
-    evaluated point by point and therefore does not know the width w. A run warns if the width matters, see
-    `checks.constrained_hardness_ratio`.
+    (1 + w/4d) (slab method, Hosford & Caddell, Metal Forming, section 9.11). It exceeds the usual hardness 2.8 σ_y if
+    w > 5.7 d: by 44 % for w = 10 d, and by a factor of 2.5 for w = 20 d. The contact law is evaluated point by point
+    and therefore does not know the width w. A run warns if the width matters, see `checks.constrained_hardness_ratio`.
 
     Parameters
     ----------

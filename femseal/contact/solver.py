@@ -57,8 +57,8 @@ def solve_contact(
         this earlier deformation.
     fluid_pressure : float or array (n1, n2)
         Pressure p_f of a fluid between the surfaces [Pa], relative to the surroundings. The contact with the fluid is
-        equivalent to a dry contact with three changes: the undeformed gap is h₁ + K p_f instead of h₁, the contact
-        carries p̄ − mean p_f instead of p̄, and points yield at the contact pressure H − p_f instead of H.
+        equivalent to a dry contact with three changes. The undeformed gap becomes h₁ + K p_f, the mean contact pressure
+        p̄ − mean p_f, and the pressure at which points yield H − p_f.
     rtol : float
         Complementarity residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ to reach, with c = πE*/(4Δ). Δ is the geometric mean
         of the pixel lengths along both axes; an axis with a single point is left out of the mean. For contact laws with
@@ -75,7 +75,7 @@ def solve_contact(
     ------
     InputError
         An array has a wrong shape or undefined points, the contact law cannot carry the nominal pressure, or the
-        nominal pressure is less than the mean pressure of the fluid, so that the surfaces separate.
+        surfaces separate because the nominal pressure is less than the mean fluid pressure.
     NotConverged
         The residual did not fall below `rtol`, or the tangents of a curved law still changed after 100 contacts.
 

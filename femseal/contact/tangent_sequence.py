@@ -47,8 +47,8 @@ def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
     law. Each contact is solved until its residual is a fraction of the mismatch left by the previous contact.
 
     If the law of a point softens and its change of u has changed sign, only half of the change is applied. This keeps u
-    from oscillating between two tangents. If the law begins with a constant hardness up to a certain depth, and no
-    point is deformed beyond this depth, the first contact is already the solution.
+    from oscillating between two tangents. If the hardness is constant up to a certain depth and no point is deformed
+    any deeper, the first contact is already the solution.
 
     Raises
     ------

@@ -138,8 +138,8 @@ class Seals:
         Returns
         -------
         array (realisations,)
-            Nominal pressure [Pa]: infinite if the leakage exceeds the limit even at the highest load, and 0 if the
-            leakage is below the limit at all loads.
+            Nominal pressure [Pa]; infinite if the limit is exceeded even at the highest load, and 0 if it is never
+            exceeded.
         """
         steps = self.steps_from_highest(peak)
         return crossings(self.steps.pressures[steps], self.leakage[:, steps], limit)
