@@ -32,7 +32,7 @@ def case(tmp_path):
 
 def of_grid(prepared):
     """Warnings but those of what the small faces hold of their longest waves."""
-    return [warning for warning in prepared.warnings if "longest waves" not in warning]
+    return [warning for warning in prepared.warnings if "longest wave" not in warning]
 
 
 def test_the_default_grid_resolves_the_shortest_measured_wave(case):

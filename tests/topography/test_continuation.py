@@ -206,7 +206,7 @@ def test_a_case_solves_the_continued_surface(case):
     assert_allclose(prepared.scene.surface.heights, face.heights, atol=1e-12)
     assert prepared.conditioning.shortest_wave == 1e-6
     assert_allclose(prepared.conditioning.rms_slope, face.rms_slope)
-    assert [text for text in prepared.warnings if "longest waves" not in text] == []
+    assert [text for text in prepared.warnings if "longest wave" not in text] == []
     longer = prepare(case({"shortest_wave": "4 um"}))
     assert longer.continuation.longest == 4e-6
     # three states each: pixels, more and less hardness, three other phases, fewer waves, as measured
