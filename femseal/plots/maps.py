@@ -209,7 +209,7 @@ def _draw_gap(axes: Axes, gap: Array, size: Pair) -> None:
 def _draw_fluid_pressure_and_flow(axes: Axes, pressure: Array, gap: Array, size: Pair) -> None:
     """Draw a map of the fluid pressure (n1, n2) [Pa], and the flow over the map.
 
-    The flow is drawn in red. The larger the flow at a pixel, the more opaque is the red.
+    The flow is drawn in red. The larger the flow at a pixel, the more opaque the red.
     """
     from matplotlib.colors import to_rgb
 

@@ -466,10 +466,10 @@ class _Round:
         """Compute the relative change since the previous round, which decides when the iteration stops.
 
         In the first round, the change is infinite. In all other rounds, the relative change of the permeability is
-        returned. If no fluid flows through the gap in either round, the permeability is 0, and the change of the fluid
-        pressure relative to the highest fluid pressure is returned instead. If trapped liquid has kept the gap closed
-        for several rounds, the change of the fluid pressure is ignored. With trapped liquid, the returned value is at
-        least the relative error of the volume of the liquid.
+        returned. If no fluid flows through the gap in either round, the permeability is 0, and the function returns the
+        change of the fluid pressure relative to the highest fluid pressure instead. If trapped liquid has kept the gap
+        closed for several rounds, the change of the fluid pressure is ignored. With trapped liquid, the returned value
+        is at least the relative error of the volume of the liquid.
 
         Parameters
         ----------

@@ -157,7 +157,7 @@ class Scene:
 
     @property
     def coatings(self) -> tuple[Coated, ...]:
-        """Coated bodies among the two bodies in contact; empty if only a contact modulus is given."""
+        """The coated ones of the two bodies in contact; empty if only a contact modulus is given."""
         if isinstance(self.modulus, float):
             return ()
         return tuple(body for body in self.modulus if isinstance(body, Coated))

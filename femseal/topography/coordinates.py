@@ -263,7 +263,7 @@ class Lattice:
     index : array of int, (values,)
         Index of the lattice point at which each value lies, counted from 0.
     points : int
-        Number of points of the lattice, including points at which no value lies.
+        Number of points of the lattice, including points without a value.
     step : float
         Distance between neighbouring points of the lattice.
     """

@@ -219,7 +219,8 @@ class BallOnCone(Seat):
     radius : float
         Radius R of the ball [m], > 0.
     angle : float
-        Half the angle of the cone [rad]. Loads are axial; the force normal to the cone is the load over sin(angle).
+        Half the angle of the cone [rad]. Loads are axial; the force normal to the cone is the load divided by
+        sin(angle).
     """
 
     kind: ClassVar[str] = "ball-on-cone"

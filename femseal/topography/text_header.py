@@ -177,7 +177,7 @@ def _without_marks(line: str) -> str:
 def _name_and_value(line: str) -> tuple[str, str]:
     """Split a line of the header into a name and a value.
 
-    The name is returned in lower case, with single blanks between its words. For an empty line, name and value are "".
+    The name is returned in lower case, with single spaces between words. For an empty line, name and value are "".
     """
     text = _without_marks(line)
     parts = _split_at_delimiter(text)

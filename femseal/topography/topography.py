@@ -249,7 +249,7 @@ class Topography(Plotted):
 
     @property
     def seamless(self) -> Periodic:
-        """Whether the map is periodic along each axis and has no step between its last and its first line.
+        """For each axis, whether the map is periodic and has no step between its last and its first line.
 
         A measured map has a step between its last and its first line even if the map was declared periodic. Subtracting
         a plane from a periodic map also leaves such a step, because a plane is not periodic.

@@ -271,7 +271,7 @@ class Representative:
         Whether the spectral density still increases up to waves as long as the patch, so that longer waves are to be
         expected.
     octave, density : float
-        Wavelength in the middle of the octave of the longest waves [m], and mean spectral density in this octave [m⁴].
+        Central wavelength [m] and mean spectral density [m⁴] of the octave of the longest waves.
     hurst : float
         Hurst exponent of a power law through the mean densities of the octave of the longest waves and of the next
         octave, limited to the range 0 to 1. If the spectrum rises, it is extrapolated to longer waves by this power
