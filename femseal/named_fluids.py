@@ -547,12 +547,11 @@ def _table(name: str, temperature: float) -> _Table:
 
 
 def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:
-    """Return the highest pressure in the table of a gas, and whether the gas condenses at this pressure.
+    """Return the highest tabulated pressure of a gas, and whether the gas condenses there.
 
     Below the critical temperature, the highest pressure of the table is the saturation pressure [Pa]. Above the
     critical temperature, the table ends at the highest pressure for which CoolProp has an equation of state, but at 1
-    GPa at most. The highest pressure is halved until CoolProp can compute the density and the viscosity at this
-    pressure.
+    GPa at most. The highest pressure is halved until CoolProp can compute density and viscosity there.
     """
     import CoolProp
 
@@ -716,5 +715,5 @@ def _has_viscosity(name: str) -> bool:
 
 
 def _means_no_viscosity(error: ValueError) -> bool:
-    """Return whether an error message of CoolProp says that CoolProp has no viscosity model for the fluid."""
+    """Return whether an error message from CoolProp says that it has no viscosity model for the fluid."""
     return "iscosity model" in str(error)

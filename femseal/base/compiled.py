@@ -136,7 +136,7 @@ def inner(**options: Any) -> Callable[[Any], Any]:
 def leader(**options: Any) -> Callable[[Any], Any]:
     """Return a decorator for a function that performs the steps of an algorithm by calling compiled functions in turn.
 
-    If Python calls the decorated function, the interpreter executes it, and the compiled functions divide their work
+    If Python calls the decorated function, it runs in the interpreter, and the compiled functions divide their work
     between threads. If compiled code calls the decorated function, Numba compiles it as a part of this code.
     """
     decorator: Callable[[Any], Any] = register_jitable(**options)

@@ -119,7 +119,7 @@ class InputError(FemsealError, ValueError):
 class InputErrors(InputError):
     """Report several inputs that cannot be used.
 
-    The attributes `what`, `given` and `expected` describe the first of these inputs.
+    The attributes `what`, `given` and `expected` refer to the first of them.
 
     Parameters
     ----------

@@ -1,9 +1,9 @@
 """Declare the fields of results: name, unit, meaning, dimensions and column heading.
 
 Each field is declared once. Its name and unit are taken from this declaration everywhere: in the dataset and its netCDF
-file, in files for ParaView, in tables and in pictures. A class of results declares its stored fields with `declared`,
-and the fields that it computes from them in `computed_fields`. A field that is computed from several results is
-declared in the module that computes it.
+file, in files for ParaView, in tables and in pictures. A result class declares its stored fields with `declared`, and
+lists the fields computed from them in `computed_fields`. A field that is computed from several results is declared in
+the module that computes it.
 """
 
 from __future__ import annotations

@@ -68,8 +68,8 @@ def read_plain(path: Path, largest: float) -> bytes:
 def remove_foreign(path: Path) -> None:
     """Remove a link, pipe or device that occupies the path of a file to be written.
 
-    Writing to a link, pipe or device could have effects elsewhere. A regular file with further hard links is removed as
-    well; other regular files and folders stay.
+    Writing to a link, pipe or device could have effects elsewhere. A regular file that has other hard links is removed
+    as well. All other files and folders stay.
 
     Raises
     ------

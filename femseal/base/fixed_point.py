@@ -51,8 +51,8 @@ def fixed_point(
 ) -> FixedPoint[Solution]:
     """Solve a problem whose coefficient depends on its solution, by Picard iteration.
 
-    Each iteration computes the coefficient from the state of the previous solution, and solves the problem with this
-    coefficient. The iteration stops when the rate has converged.
+    Each iteration computes the coefficient from the previous state, and then solves the problem with it. The iteration
+    stops when the rate has converged.
 
     Parameters
     ----------

@@ -23,9 +23,9 @@ displays: dict[str, Callable[[], ModuleType]] = {}
 def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return the functions `__getattr__` and `__dir__` of a package whose names are loaded on first use.
 
-    The package has two kinds of names: the names of its modules, and the names that its `__init__.py` imports under
-    `TYPE_CHECKING`. No imported name may be the name of a module. Otherwise the module would replace the imported
-    object, because Python stores each loaded module in the package under its name.
+    The package has two kinds of names: its modules, and the names that its `__init__.py` imports under `TYPE_CHECKING`.
+    No imported name may be the name of a module. Otherwise the module would replace the imported object, because Python
+    stores each loaded module in the package under its name.
     """
     module = sys.modules[package]
 
@@ -63,9 +63,9 @@ def name_cache(package: Path) -> None:
     """Choose a folder in which Numba caches compiled loops, unless the user has set NUMBA_CACHE_DIR.
 
     The name of the folder contains the time at which femseal was installed. The cache of an earlier version could refer
-    to classes that no longer exist, which would make the import fail. If neither the folder of the package nor the
-    cache folder of the user is writable, as in read-only containers, a temporary folder is used. In this case, each run
-    compiles the loops once for all of its processes.
+    to classes that no longer exist, which would make the import fail. If neither the package folder nor the user's
+    cache folder is writable, as in read-only containers, a temporary folder is used. In this case, each run compiles
+    the loops once for all of its processes.
     """
     if os.environ.get("NUMBA_CACHE_DIR"):
         return

@@ -1,10 +1,9 @@
 """Convert leakage between units, and look up the leakage classes of standards.
 
-A leakage is stored as a volume rate per length of seal [m²/s] at the reference density of the fluid. The conversion to
-a unit of `leak_units` requires the length of the seal, the density of the fluid and, for a gas, the reference state.
-For a given amount of gas, the product pressure × volume is proportional to the temperature. A leakage in a unit of
-pressure × volume is therefore only meaningful together with a temperature. Standard volumes refer to 0 °C and 101 325
-Pa.
+A leakage is stored as a volume rate per length of seal [m²/s] at the reference density of the fluid. Converting to a
+unit of `leak_units` requires the seal length, the fluid density and, for a gas, the reference state. For a given amount
+of gas, the product pressure × volume is proportional to the temperature. A leakage in a unit of pressure × volume is
+therefore only meaningful together with a temperature. Standard volumes refer to 0 °C and 101 325 Pa.
 
 The table `_TABLE` contains the limits of the classes and the edition of each standard. The limits of ISO 5208, which EN
 12266-1 has adopted, apply to closed valves and are multiplied by the nominal diameter in mm. Class A of ISO 5208
@@ -50,8 +49,8 @@ class LeakBasis:
     density : float
         Density of the fluid at its reference state [kg/m³], NaN if it is unknown.
     pressure, temperature : float, optional
-        Absolute pressure [Pa] and temperature [K] of the reference state of a gas. None for a liquid: the leakage of a
-        liquid cannot be given as pressure × volume or as a standard volume.
+        Absolute pressure [Pa] and temperature [K] of the reference state of a gas. None for a liquid, whose leakage
+        cannot be expressed as pressure × volume or as a standard volume.
     molar_mass : float, optional
         Molar mass of a gas [kg/mol].
     given_temperature : float, optional
@@ -94,7 +93,7 @@ class LeakBasis:
         return self.temperature
 
     def lacks(self, unit: LeakUnit) -> str:
-        """Return "" if the leakage can be given in a unit, and otherwise advice on which unit to use instead."""
+        """Return "" if the leakage can be expressed in a unit, and otherwise advice on which unit to use instead."""
         is_unit_of_gases = unit.kind in ("throughput", "standard", "bubbles")
         if is_unit_of_gases and not self.is_gas:
             return f"another unit: {unit.name} is for gases"
@@ -154,8 +153,7 @@ class LeakBasis:
     def readable(self, values: ArrayLike) -> LeakUnit:
         """Choose one readable unit for several leakages [m²/s], for example for a column of a table.
 
-        The chosen unit is a unit for the whole seal: a volume per time for a liquid, and pressure × volume per time for
-        a gas.
+        The unit refers to the whole seal: volume per time for a liquid, and pressure × volume per time for a gas.
         """
         if self.is_gas:
             return LEAK_UNITS["mbar·L/s"]
@@ -200,8 +198,8 @@ def _nominal_inches(diameter: float) -> float:
 def _class_vi(diameter: float) -> float:
     """Return the limit of class VI [mL/min] for a seat diameter [m].
 
-    Between two diameters of the standard's table, the limit is interpolated as a linear function of the square of the
-    diameter. Above the largest diameter of the table, the limit is NaN.
+    Between two diameters in the standard's table, the limit is interpolated linearly over the squared diameter. Above
+    the largest diameter of the table, the limit is NaN.
     """
     limit = np.interp(diameter**2, _VI_DIAMETERS**2, _VI_LIMITS, right=np.nan)
     return float(limit)
@@ -212,7 +210,7 @@ class _Multiplier(NamedTuple):
 
     key : name of the quantity in a case file.
     example : example of a value that a user may give, for messages.
-    factor : function that converts the quantity in SI units to the factor of the limit.
+    factor : function that computes the factor of the limit from the quantity in SI units.
     """
 
     key: str

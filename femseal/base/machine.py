@@ -2,8 +2,8 @@
 
 A large array, such as the gaps of all contact states, is stored in a file of plain numbers that is mapped into memory.
 Such a file requires no further library. Views of the array behave like any other array, and other processes can open
-the file by its name. The file has no entry in its folder, so that the file disappears with the run even if the run is
-killed. A run that is resumed later does not need the file: the run reads the contact states from its `store`.
+the file by its name. The file has no folder entry and therefore disappears with the run, even if the run is killed. A
+resumed run does not need the file: it reads the contact states from its `store`.
 
 Versions are read from the metadata of the installation, without importing the packages.
 """

@@ -273,7 +273,7 @@ class Plotted:
         Raises
         ------
         InputError
-            The picture of this class has no option with a given name.
+            An option does not exist for the picture of this class.
         """
         return display_package("plots").picture(self, **options)
 

@@ -225,7 +225,7 @@ def described(
     default: Any = dataclasses.MISSING,
     **more: Any,
 ) -> Any:
-    """Declare a field of a dataclass that is also a key of case files.
+    """Declare a dataclass field that is also a key of case files.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ def parameter(
     inclusive: bool = False,
     **more: Any,
 ) -> Any:
-    """Declare a field of a dataclass that is a finite number above a limit and also a key of case files.
+    """Declare a dataclass field that is also a key of case files, and whose value is a finite number above a limit.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ An iteration consists of three parts:
 
 1. If some points have to change their state (separated, elastic or plastic), the active sets are updated: p is set to
    y, and v is recomputed by a product with K.
-2. A few steps of conjugate gradients reduce the energy. The steps change the pressure of the free points, which are the
+2. A few steps of conjugate gradients reduce the energy. They change the pressure of the free points only, that is, of
    points that are elastic or harden. Each step needs a product with K.
 3. The contact is evaluated: δ, y and the residual ‖p − y‖/‖y‖ · c₀/c are computed.
 
@@ -115,8 +115,8 @@ class Gradients(NamedTuple):
 
     directions : scalars needed to continue the conjugate-gradient iteration after the last step.
     steps : number of steps.
-    longest_step : largest permissible length c [Pa/m] of the next projection step, which is computed from the Rayleigh
-        quotients of the search directions.
+    longest_step : largest permissible length c [Pa/m] of the next projection step, computed from the Rayleigh quotients
+        of the search directions.
     """
 
     directions: Directions
@@ -358,8 +358,8 @@ def _conjugate_gradients(
 ) -> Gradients:
     """Perform a few steps of conjugate gradients on the free points.
 
-    directions : scalars with which earlier conjugate gradients are continued; None if the conjugate gradients begin
-        anew, because the free points have changed.
+    directions : scalars needed to continue an earlier conjugate-gradient iteration; None to restart it, because the
+        free points have changed.
     """
     is_long = max(grid.half_space.shape) >= _LONG
     limits = _LONG_STEPS if is_long else _STEPS

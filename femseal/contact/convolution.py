@@ -14,20 +14,20 @@ On a mirror axis, the cosine transform of N points is computed as a Fourier tran
 the waves k and N − k (Makhoul, IEEE Trans. Acoust. Speech Signal Process. 28, 1980, 27). A free axis is padded with
 zeros; rows that contain only zeros are not transformed.
 
-Large grids do not fit in any cache. On large grids, the waves and the displacement therefore share one array, whose
-rows are longer than the rows of the grid. Columns of large grids are copied to a contiguous block before they are
-transformed, whereas columns of small grids are transformed without a copy.
+Large grids do not fit in any cache. On large grids, the waves and the displacement therefore share one array, with rows
+longer than those of the grid. Columns of large grids are copied to a contiguous block before they are transformed. On
+small grids, this copy is not needed.
 
 If the first axis of a large grid is free, each column gets two transforms of length m instead of being padded to the
 full length 2m. The first transform, of the points, gives the even-numbered waves. For the second transform, each point
 j is multiplied by exp(−iπj/m). The second transform gives the odd-numbered waves. The factors exp(−iπj/m) are called
 the twist.
 
-FFTW plans its transforms with the option FFTW_ESTIMATE and without wisdom, that is, by fixed rules instead of measured
-times. All processes therefore use the same plans and give identical results. On 256² to 1024² points, a contact
-solution with these plans takes 0.9 to 1.03 times as long as with measured plans if the axes are periodic, and 0.8 to
-0.95 times as long if they are mirrors. On smaller periodic grids, contact solutions take longer than with measured
-plans: by 2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128² points.
+FFTW plans its transforms with the option FFTW_ESTIMATE and without wisdom. The plans then follow from fixed rules
+instead of measured times. All processes therefore use the same plans and give identical results. On 256² to 1024²
+points, a contact solution with these plans takes 0.9 to 1.03 times as long as with measured plans if the axes are
+periodic, and 0.8 to 0.95 times as long if they are mirrors. On smaller periodic grids, contact solutions take longer
+than with measured plans: by 2 % at 48², 8 % at 64², 12 % at 96² and 24 % at 128² points.
 """
 
 from __future__ import annotations
@@ -84,7 +84,7 @@ class Axis(NamedTuple):
     points : number of points.
     length : length of the transform.
     order : array (points,), grid index of the point at each position in the transform.
-    is_mirror : whether the pressure beyond the ends of the axis is the mirror image of the pressure on the axis.
+    is_mirror : whether the pressure is mirrored beyond the ends of the axis.
     """
 
     points: int
@@ -199,7 +199,7 @@ class Convolution:
     ) -> list[list[list[Call]]]:
         """Plan the transforms, and return the three stages of a product: for each stage, its calls (part, call).
 
-        The parts of a stage are independent of each other, so that several threads can share them.
+        The parts of a stage are independent of each other and can be shared between threads.
         """
         with planner() as planned:
             rows: Rows | ReorderedRows

@@ -1,4 +1,4 @@
-"""Compile the loop that projects the pressures of points near contact on a curved contact law, and finds the tangents.
+"""Compile the loop that projects pressures near contact onto a curved contact law, and finds the tangents.
 
 The contact law of a point is H(u + u₀) − p_f. The curve H(w) consists of cubic pieces (`CurvePieces`), u₀ is the
 plastic deformation from an earlier load, and p_f the pressure of a fluid. The trial pressure is z = x + cδ with
@@ -6,9 +6,9 @@ x = p − c v. If the point yields, its projected pressure y and its total plast
 
     H(w) + c w = z + p_f + c u₀,    y = H(w) − p_f.
 
-The equation has one solution w, because H(w) + c w increases with w, unless dH/dw < −c. The curve of the point is
-replaced by the tangent of the curve at u, or by a horizontal line where the law softens. The other loops of the contact
-solver work with these straight lines instead of the curve.
+Unless dH/dw < −c, H(w) + c w increases with w, and the equation has a single solution w. The curve of the point is
+replaced by its tangent at u, or by a horizontal line where the law softens. The other loops of the contact solver work
+with these straight lines instead of the curve.
 
 If a steep tangent were extended back to u = 0, it would give a negative pressure there. A steep tangent is therefore
 only used from a depth b > 0 on. The solver adds b to h₁ and v of the point, and works with the plastic deformation

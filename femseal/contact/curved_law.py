@@ -1,7 +1,7 @@
 """Solve a contact whose hardness is a curve H(u) of the plastic deformation: tables, Nix-Gao, coatings.
 
 The method is the active-set method for linear contact laws (`active_sets`). In each iteration, the curve of each point
-is replaced by the tangent of the curve at the present plastic deformation.
+is replaced by its tangent at the present plastic deformation.
 
 1. Each evaluation of the contact projects the trial pressures z = p − c (v − δ) of all points near contact onto their
    curves. The projection follows from the scalar equation H(u) + c u = z for the plastic deformation u. The equation
@@ -14,8 +14,8 @@ is replaced by the tangent of the curve at the present plastic deformation.
 
 The tangents and the active sets converge in the same Newton iteration. A contact with a curved law therefore takes
 about as many iterations as with a constant hardness. For a linear law, the damping is reduced when the energy
-increases. Energies with different tangents cannot be compared, so that for a curved law the damping depends on the
-residual. If the iteration does not converge, or the law softens steeply, `tangent_sequence` solves the contact.
+increases. For a curved law, it depends on the residual, because energies with different tangents cannot be compared. If
+the iteration does not converge, or the law softens steeply, `tangent_sequence` solves the contact.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ class _Start(NamedTuple):
 def _start_from_coarser_grids(curve: _Curve, level: Level, offset: float) -> _Start:
     """Solve a contact on all coarser grids, using the straight line of `level` while it is accurate enough.
 
-    offset : height [m] from which heights are measured.
+    offset : reference height [m] from which heights are measured.
     """
     # contact problem and curve on each grid, from the given grid to the coarsest grid
     levels = [(level, curve)]

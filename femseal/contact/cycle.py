@@ -107,7 +107,7 @@ def load_cycle(
     unloading: Sequence[float] = (),
     rtol: float = 1e-6,
 ) -> LoadCycle:
-    """Solve the contact along a loading curve, and along any number of unloadings from points of the loading curve.
+    """Solve the contact along a loading curve, and along any number of unloading curves that start from it.
 
     Parameters
     ----------
@@ -213,8 +213,8 @@ def load_states(
     rtol : float
         Target residual of each solution, see `solve_contact`.
     take : callable, optional
-        Function of a `LoadState` that is called in the process in which the state has been solved. The value that
-        `take` returns is yielded instead of the state.
+        Function of a `LoadState`, called in the process that has solved the state. The value that `take` returns is
+        yielded instead of the state.
     remember : callable, optional
         Function that takes a `Contact` and returns whatever the next load step needs besides the plastic deformation.
         The value that `remember` returns is passed to `solve` at the next load step as the argument `remembered`. If

@@ -170,8 +170,8 @@ def _move(grid: Workspace, p: Array, v: Array, d: Array, delta: float, law: _Law
 
     The pressure p + d is within the bounds and carries the load. If the energy does not fall along d, p is left
     unchanged and 0 is returned. With hardening, the position of the minimum is only estimated. Because the energy is
-    convex, the energy at the estimated position is nevertheless lower than at p. The displacement plus undeformed gap v
-    (n,) is updated for the new pressure.
+    convex, it is nevertheless lower there than at p. The displacement plus undeformed gap v (n,) is updated for the new
+    pressure.
     """
     # For 0 <= t <= 1, the energy at p + t d exceeds the energy at p by at most t · change + ½ t² d·Kd, because ψ is
     # convex. The bound is lowest at t = −change/(d·Kd).

@@ -50,8 +50,8 @@ class HalfSpace:
     spacing : pair of float
         Spacing (Δ1, Δ2) of the pixels [m].
     modulus : float or pair of bodies
-        Contact modulus E* [Pa]; or the two bodies in contact, each a `Solid`, a `Coated`, or None for a rigid body. If
-        two bodies without a coating are given, the attribute `modulus` is the contact modulus of the two bodies.
+        Contact modulus E* [Pa]; or the two bodies in contact, each a `Solid`, a `Coated`, or None for a rigid body. For
+        two bodies without a coating, the attribute `modulus` is their contact modulus.
     boundary : str or pair of str
         Kind of boundary of each axis: "periodic", "mirror" or "free". A single string applies to both axes.
 
@@ -117,7 +117,7 @@ class HalfSpace:
         """Stiffness c = πE*/(4Δ) [Pa/m] of the half-space for a wave with the length of four pixels.
 
         The contact solver multiplies gaps by c to obtain pressures. Δ is the geometric mean of the pixel lengths along
-        both axes; an axis with a single point is left out of the mean.
+        both axes; an axis with a single point is ignored.
         """
         return np.pi * self.pixel_modulus / (4 * self._mean_spacing)
 
@@ -208,10 +208,10 @@ def free_symbol(shape: Shape, spacing: Pair, modulus: float | Bodies) -> Array:
 
 
 def _even_transform(half: Array, length: int) -> Array:
-    """Compute the Fourier transform of rows of which only the first half is given.
+    """Compute the Fourier transform of symmetric rows, given only their first half.
 
-    The values of a row are an even function of the position, so that the second half is the mirror image of the first.
-    The transform is therefore real and even as well, and only its first half is returned.
+    Each row is an even function of the position: its second half mirrors the first. The transform is therefore real and
+    even as well, and only its first half is returned.
     """
     # the second half is the mirror image of the first one, without the values at 0 and at half of the length
     n_missing = length - half.shape[1]
@@ -222,8 +222,8 @@ def _even_transform(half: Array, length: int) -> Array:
 def bickley_1(x: Array) -> Array:
     """Compute the Bickley function Ki₁(x) = ∫ₓ^∞ K₀(t) dt = ∫₀^∞ exp(−x cosh θ)/cosh θ dθ for x >= 0.
 
-    The integral over θ is computed by the trapezoidal rule, with an error of about 1e-15. Because the integrand is even
-    and decays doubly exponentially, the rule converges exponentially with a decreasing interval of θ.
+    The integral over θ is computed by the trapezoidal rule, with an error of about 1e-15. The integrand is even and
+    decays doubly exponentially. The rule therefore converges exponentially as the interval of θ is reduced.
 
     Examples
     --------

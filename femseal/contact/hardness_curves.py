@@ -79,7 +79,7 @@ class HardnessTable(ContactLaw):
     def capacity(self) -> float:
         """Largest mean pressure [Pa] that the points can carry: the last hardness of the table.
 
-        At depths beyond the table, the hardness is equal to the last hardness of the table.
+        Beyond the last depth of the table, the hardness remains constant.
         """
         return float(self.hardness[-1])
 
@@ -99,7 +99,7 @@ class HardnessTable(ContactLaw):
         return curve(np.clip(deformation, self.depth[0], self.depth[-1]))
 
     def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """Compute the slope dH/du [Pa/m] of the interpolated hardness; beyond the ends of the table it is 0."""
+        """Compute the slope dH/du [Pa/m] of the interpolated hardness, which is 0 beyond the ends of the table."""
         u = reals(deformation)
         first, last = self.depth[0], self.depth[-1]
         _, derivative = self._curves
@@ -183,8 +183,7 @@ class CoatedLaw(ContactLaw):
     """Contact law of a coated body: H(u) is the hardness of the coating down to its thickness, then of the substrate.
 
     Up to the plastic deformation u = d, H(u) is the curve of the coating. Between d and 1.1 d, H(u) changes smoothly to
-    the curve of the substrate. The curve of the substrate is evaluated at the plastic deformation u − d of the
-    substrate.
+    the curve of the substrate. The curve of the substrate is evaluated at the substrate's plastic deformation u − d.
 
     The law assumes that the substrate does not constrain the plastic flow of the coating up to u = d. The assumption is
     a good approximation for contact patches that are at most about six times as wide as the coating is thick. On wider

@@ -107,7 +107,7 @@ class ContactLaw:
         return ShiftedLaw(self)
 
     def at(self, is_chosen: Flags) -> ContactLaw | None:
-        """Return the law of the chosen points alone; None if the law is only defined for all points together.
+        """Return the law of the chosen points alone, or None if the law cannot be split into points.
 
         is_chosen : flags (n1, n2). The methods of the returned law take and return arrays (number of chosen points,).
         """
@@ -262,7 +262,7 @@ class ContactLaw:
         return YieldLine(hardness, slope)
 
     def key(self) -> str:
-        """Return a text that identifies the law: laws with the same parameters and the same code have equal texts."""
+        """Return a text that identifies the law by its parameters and its code."""
         try:
             return digest(self)
         except NoDigest:
@@ -511,7 +511,7 @@ class SofterOf(ContactLaw):
     def bends(self) -> Array:
         """Plastic deformations [m] at which H₁(u), H₂(u) or one of their derivatives may be discontinuous.
 
-        The depths at which the two curves cross are not known, and are not included.
+        The depths at which the two curves cross are unknown and not included.
         """
         return np.r_[self.first.bends, self.second.bends]
 

@@ -2,8 +2,8 @@
 
 The index 1 denotes the layer, whose thickness is d, and the index 2 the substrate. The plane modulus of the layer is
 E₁* = E₁/(1 − ν₁²). A pressure wave of amplitude 1 Pa and wave number q displaces the surface of the body by a wave of
-amplitude C(q) = 2 S(qd)/(E₁* q). The factor S is the compliance of the body, divided by the compliance of a half-space
-of the layer's material. With t = qd and the ratio r = G₁/G₂ of the shear moduli,
+amplitude C(q) = 2 S(qd)/(E₁* q). The factor S is the ratio of the compliance of the body to that of a half-space of the
+layer's material. With t = qd and the ratio r = G₁/G₂ of the shear moduli,
 
     S = (1 + 4 m t e⁻²ᵗ − m n e⁻⁴ᵗ) / (1 − (m + n + 4 m t²) e⁻²ᵗ + m n e⁻⁴ᵗ)
     m = (r − 1)/(r + 3 − 4ν₁)        n = 1 − 4(1 − ν₁)/(1 + r (3 − 4ν₂))
@@ -125,7 +125,7 @@ def scaled(modulus: Bodies, factor: float) -> Bodies:
 
 
 def layer_factor(body: Coated, t: Array) -> Array:
-    """Compute S(t): the compliance of a coated body, divided by the compliance of a half-space of the layer's material.
+    """Compute S(t), the ratio of the compliance of a coated body to that of a half-space of the layer's material.
 
     Parameters
     ----------
@@ -168,8 +168,7 @@ def strip_difference(n_free: int, d_free: float, q: Array, d_other: float, bodie
     pixels. The integral is computed by the trapezoidal rule, which is a Fourier transform. Because the integrand is
     smooth, the rule converges exponentially.
 
-    For q₂ = 0, the change in displacement is a sum of logarithms, one logarithm for each exponential of the fit of
-    S − 1.
+    For q₂ = 0, the change in displacement is a sum of logarithms, one for each exponential in the fit of S − 1.
 
     Parameters
     ----------
@@ -317,7 +316,7 @@ def _exponentials(body: Coated) -> tuple[Array, Array]:
 
 
 def _long_wave_factor(body: Coated) -> float:
-    """Return S(0): the compliance of the substrate's material, divided by the compliance of the layer's material."""
+    """Return S(0), the ratio of the compliances of the substrate's and the layer's materials."""
     if body.substrate is None:
         return 0.0
     return body.layer.plane_modulus / body.substrate.plane_modulus
@@ -327,9 +326,9 @@ def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
     """Compute the change in displacement due to a coating for a pressure that varies only along the free axis.
 
     Each exponential a exp(−bt) of `_exponentials` adds the displacement −(2a/πE₁*) ln √(x² + z²) at the distance x from
-    a line load, with z = b d. The integral of ½ ln(x² + z²) over a pixel is the difference of
-    ½ x ln(x² + z²) − x + z atan(x/z) between the two edges of the pixel. The displacement of plane strain contains an
-    arbitrary constant. The lengths x and z in the logarithm may therefore be divided by the length of the strip.
+    a line load, with z = b d. The integral of ½ ln(x² + z²) over a pixel is the difference of ½ x ln(x² + z²) − x + z
+    atan(x/z) between the two edges of the pixel. The displacement of plane strain contains an arbitrary constant. This
+    is why x and z in the logarithm may be divided by the length of the strip.
 
     n : number of points of the free axis.
     d : pixel length of the free axis [m].

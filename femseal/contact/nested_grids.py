@@ -110,7 +110,7 @@ def solve_straight_law(level: Level, rtol: float, start: Array | None = None) ->
 def _start_from_coarser_grids(level: Level, offset: float) -> Array:
     """Solve a contact on all coarser grids, beginning with the coarsest grid.
 
-    Returns the pressure [Pa] on the finest of the coarser grids; if no coarser grid is used, the guess of
+    Returns the pressure [Pa] on the finest of the coarser grids. If there is none, this is the guess of
     `Level.first_guess` on the given grid.
     """
     levels = [level]

@@ -377,9 +377,9 @@ def refine_approach(delta, low, top, total, slopes, c, load):
 def total_pressure(first, end, x, shift, hardness, slope, c_law, listed):
     """Compute Σ y(x + shift) over some points, and its derivative with respect to `shift`.
 
-    The projection of a trial pressure z is y = 0 for z < 0, y = z for z between 0 and the hardness H, and
-    y = H + t (z − H) for larger z. The slope t depends on the hardening modulus, see `law_at`. If no point hardens, the
-    derivative of the sum is equal to the number of points with 0 < y < H.
+    The projection of a trial pressure z is y = 0 for z < 0, y = z for z between 0 and the hardness H, and y = H + t
+    (z − H) for larger z. The slope t depends on the hardening modulus, see `law_at`. Without hardening, the derivative
+    of the sum is the number of points with 0 < y < H.
 
     Parameters
     ----------
@@ -426,8 +426,8 @@ def project(
     """Project the trial pressure x + cδ of each point near contact on the law, and set its pressure and state.
 
     If `keep` is True, a free point whose state does not change keeps the pressure found by conjugate gradients.
-    Finally, the same pressure is added to all free points, within their bounds, so that all points together carry the
-    load. During this function, the array `response` holds the pressures of the free points.
+    Finally, a uniform pressure is added to the free points, within their bounds, until the load is carried. During this
+    function, the array `response` holds the pressures of the free points.
 
     Returns the number of free points.
     """
@@ -494,7 +494,7 @@ def set_pressures(first, end, c, delta, keep, hardness, slope, p, state, near, n
 
 @exact
 def list_free(n_near, state, near, trial, free, pressure):
-    """Write the free points among the points near contact to `free`, and their pressures to `pressure`.
+    """Collect the free points among those near contact in `free`, and their pressures in `pressure`.
 
     The pressures are copied from `trial`, where `set_pressures` has stored them.
     """

@@ -6,8 +6,8 @@ g = v − δ raw gap, E* contact modulus, u plastic deformation. The problem is 
     min ½⟨p, Kp⟩ + ⟨p, h₁⟩,  0 ≤ p ≤ H,  mean p = p̄.
 
 For a contact law with linear hardening, p ≤ H + h u, the upper bound p ≤ H is replaced by the additional energy
-½⟨(p − H)₊, (p − H)₊⟩/h. The module `nested_grids` solves contacts with a linear law H + h u, and the module
-`curved_law` solves contacts with a curved law H(u).
+½⟨(p − H)₊, (p − H)₊⟩/h. Contacts with a linear law H + h u are solved in `nested_grids`, and those with a curved law
+H(u) in `curved_law`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def solve_contact(
     rtol: float = 1e-6,
     threads: int | None = None,
 ) -> Contact:
-    """Compute pressure and gap of an elastic-plastic half-space that is pressed on a rough surface by a load.
+    """Compute pressure and gap for an elastic-plastic half-space pressed onto a rough surface.
 
     Parameters
     ----------
@@ -61,8 +61,8 @@ def solve_contact(
         p̄ − mean p_f, and the pressure at which points yield H − p_f.
     rtol : float
         Complementarity residual ‖p − clip(p − c(v − δ), 0, H)‖/‖p‖ to reach, with c = πE*/(4Δ). Δ is the geometric mean
-        of the pixel lengths along both axes; an axis with a single point is left out of the mean. For contact laws with
-        hardening, clip is replaced by the projection on the contact law.
+        of the pixel lengths along both axes; an axis with a single point is ignored. For contact laws with hardening,
+        clip is replaced by the projection on the contact law.
     threads : int, optional
         Number of threads that share the work on grids of 512² points or more. By default, all threads left free by the
         current run, or a single thread outside of a run. The number of threads does not change the results.

@@ -46,10 +46,10 @@ def design(
     """Find the pressures that a seal needs in assembly and in service, and the sensitivities of its leakage.
 
     As in EN 13555 and EN 1591-1, Qmin(L) is the lowest nominal pressure in assembly at which the seal meets a leakage
-    class L. QSmin(L; Q_A) is the lowest pressure to which the seal may be unloaded in service after it was assembled at
-    the pressure Q_A. Qmin is read from the curve of leakage over pressure during loading, and QSmin from the curve
-    during unloading from Q_A. Qmin and QSmin are given for the computed leakage and for the upper end of its 95 %
-    interval. The verdict in the report states the same loads, see `results.verdict`.
+    class L. QSmin(L; Q_A) is the lowest pressure to which the seal may be unloaded in service after assembly at Q_A.
+    Qmin is read from the loading curve of leakage over pressure, and QSmin from the unloading curve from Q_A. Qmin and
+    QSmin are given for the computed leakage and for the upper end of its 95 % interval. The verdict in the report
+    states the same loads, see `results.verdict`.
 
     For a stochastic seal, the answer also gives the lowest pressure at which, for example, 95 % of the realisations
     meet the class. This pressure follows from the computed leakages alone, whereas the 95 % interval contains both the
@@ -216,7 +216,7 @@ def _as_pressures(results: Results, loads: list[float]) -> list[float]:
 
 
 def _with_assembly_loads(case: Case, loads: list[float]) -> Case:
-    """Return a copy of a case in which the seal is also unloaded from the given loads.
+    """Return a copy of a case with additional unloadings from the given loads.
 
     loads : in the SI unit of the loads of the case.
 
@@ -255,7 +255,7 @@ def _check_classes_of_case(
 
 
 def _check_unloaded_from(seals: Seals, pressures: list[float]) -> None:
-    """Raise InputError unless the run contains an unloading from each of the given pressures in assembly [Pa]."""
+    """Raise InputError unless the run contains an unloading from each given pressure in assembly [Pa]."""
     known = seals.steps.unload_from
     missing = [p for p in pressures if not np.isclose(p, known, rtol=1e-9).any()]
     if not missing:
@@ -292,8 +292,8 @@ def _choose_load_of_sensitivities(
     """Choose the load for the sensitivities.
 
     The load is Qmin of the first class whose Qmin lies within the loads of the case. If the leakage at this Qmin is 0
-    or unknown, the load is the closest load step with a known leakage above 0. If no Qmin lies within the loads of the
-    case, the load is the geometric mean of the lowest and the highest load at which the seal leaks during loading.
+    or unknown, the closest load step with a known leakage above 0 is used. If no Qmin lies within the loads of the
+    case, the geometric mean of the lowest and the highest loads at which the seal leaks during loading is used.
     """
     steps = seals.steps_from_highest()
     pressure = seals.steps.pressures[steps]

@@ -114,7 +114,7 @@ class Design(Plotted):
         """Secant stiffness of the interface [Pa/m] for unloading from Q_A to Q_A/3, by pressure in assembly Q_A.
 
         The stiffness is (Q_A − Q_A/3) / (h(Q_A/3) − h(Q_A)), with the mean gap h during unloading. Because an interface
-        has no thickness, the modulus E_G of EN 13555 of a gasket is this stiffness times the thickness of the gasket.
+        has no thickness, the modulus E_G of EN 13555 of a gasket is this stiffness times the gasket thickness.
         Between unloading steps, the mean gap is interpolated linearly over ln(pressure). Stochastic runs have no
         stiffness. A pressure Q_A is left out if the unloading from Q_A ends above Q_A/3.
         """
@@ -171,7 +171,7 @@ class Design(Plotted):
 
     @property
     def load_text(self) -> LoadText:
-        """Function that writes a nominal pressure [Pa] as text, with the force if the loads of the case are forces."""
+        """Function that formats a nominal pressure [Pa], and adds the force if the loads of the case are forces."""
         return loads_as_given(self.results.dataset, 3)
 
     def table(self) -> Any:
@@ -286,7 +286,7 @@ def design_figure(answer: Design) -> Figure:
 
 
 def _extend_to_limits(axes: Axes, limits: list[float]) -> None:
-    """Extend the leakage axis to the limits of leakage classes that are less than three decades outside of it."""
+    """Extend the leakage axis to class limits that lie less than three decades outside of it."""
     low, high = axes.get_ylim()
     near_limits = [limit for limit in limits if 1e-3 * low < limit < 1e3 * high]
     lowest = min([low, *(limit / 2 for limit in near_limits)])
@@ -458,7 +458,7 @@ def sheet_sentences(answer: Design) -> list[str]:
     for peak, stiffness in answer.stiffness.items():
         sentences.append(
             f"The unloading stiffness from Q_A = {load_text(peak)} to a third of it is {stiffness / 1e12:.3g} MPa/µm. "
-            "E_G of EN 13555 is this stiffness times the thickness of the gasket."
+            "E_G of EN 13555 is this stiffness times the gasket thickness."
         )
     sentences.append(index_sentence(answer._indices_or_reason[1]))
     sentences += [f"{note[0].upper()}{note[1:]}." for note in answer.notes]

@@ -118,7 +118,7 @@ class Seals:
         return np.sort(self.leakage, axis=0)[_rank(fraction, self.count)]
 
     def steps_from_highest(self, peak: float | None = None) -> Indices:
-        """List the indices of the steps of a branch from the highest load to the lowest.
+        """List the step indices of a branch, from the highest load to the lowest.
 
         peak : nominal pressure [Pa] from which the seal is unloaded; None selects the loading. For an unloading, the
         list begins with the load step at the pressure `peak`.

@@ -3,18 +3,17 @@
 A sensitivity is a logarithmic slope at one load, d ln L/d ln x. For two slopes, the seal has to be solved again: for
 the hardness, and for the length in the flow law. For a rarefied gas, the length in the flow law is the mean free path,
 which is proportional to the viscosity of the gas. For a fluid with slip, the length in the flow law is the slip length.
-All other slopes follow from these two slopes, from the slope of the loading curve, and from two scaling laws of the
-leakage L. First law: if heights, hardness and pressure are multiplied by the same number α, all gaps are multiplied by
-α. Second law: if all stresses are multiplied by the same number β, the gaps do not change. The leakage L therefore
-obeys
+All other slopes follow from these two, the slope of the loading curve, and two scaling laws of the leakage L. First
+law: multiplying heights, hardness and pressure by the same number α multiplies all gaps by α. Second law: multiplying
+all stresses by the same number β leaves the gaps unchanged. The leakage L therefore obeys
 
     L(αa, E, αH, αp, αη, αb) = α² L(a, E, H, p, η, b)     L(a, βE, βH, βp, η, b) = L(a, E, H, p, η, b)
 
 with the amplitude a of the roughness, the contact modulus E, the hardness H, the nominal pressure p, the viscosity η
 (without slip and rarefaction, L is proportional to 1/η), and the slip length b. Taking logarithms and derivatives with
 respect to α and β gives s_a + s_H + s_p + s_η + s_b = 2 and s_E + s_H + s_p = 0, where s_x is d ln L/d ln x. The
-leakage of a long seal is inversely proportional to the width of the seal (Darcy's law). If a quantity x changes and the
-leakage is to remain the same, the pressure p must change by d ln p/d ln x = −s_x/s_p.
+leakage of a long seal is inversely proportional to its width (Darcy's law). If a quantity x changes, the leakage
+remains the same if the pressure p changes by d ln p/d ln x = −s_x/s_p.
 """
 
 from dataclasses import dataclass, replace
@@ -43,7 +42,7 @@ _INLET_CHANGE = 1e-4
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Hold the logarithmic slopes of the leakage L and of the pressure Qmin with respect to one quantity x.
+    """Hold the logarithmic slopes of leakage L and pressure Qmin with respect to one quantity x.
 
     Parameters
     ----------
@@ -232,8 +231,8 @@ def solved_variants(
     case : Case
         The case.
     results : Results
-        Results of the case. The number of realisations is the same as in these results. If the case has a required
-        accuracy, the numerical settings are taken from the last attempt to reach the accuracy.
+        Results of the case. The number of realisations is the same as in these results. If the case requires an
+        accuracy, the numerical settings of the last attempt to reach it are used.
     workers : int or None
         Number of processes. None: one for each core.
     progress : callable

@@ -89,8 +89,7 @@ def _face_text(face: Face) -> str:
 def _fluid_text(table: FluidTable) -> str:
     """Describe a fluid, and its pressures at inlet and outlet.
 
-    The name of the fluid is added at the beginning of the description, unless the description already contains the
-    name.
+    The description begins with the name of the fluid, unless it already contains this name.
     """
     text = fluid_text(table.fluid)
     name = table.name or ""
@@ -213,7 +212,7 @@ def _roughness_text(scene: Scene) -> str:
 
 
 def _filter_text(prepared: Prepared) -> str:
-    """Say which waves the low-pass filter has removed, and by how much the filter has reduced the rms slope."""
+    """Say which waves the low-pass filter has removed, and by how much this has reduced the rms slope."""
     surface = prepared.scene.surface
     shortest = prepared.conditioning.shortest_wave
     slope_before = prepared.conditioning.rms_slope_before

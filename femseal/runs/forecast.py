@@ -1,9 +1,8 @@
 """Forecast time, memory and disk space of a run before it is started, for `femseal check` and for the report.
 
 The numbers of unknowns, the memory and the disk space follow from the sizes in the case. The computing time is
-estimated from the numbers of pixels, load steps and elements, with the computing speed that was measured in other runs.
-The computing time is given as a range, because the number of iterations is only known after the contact has been
-solved.
+estimated from the numbers of pixels, load steps and elements, and from speeds measured in other runs. The computing
+time is given as a range, because the number of iterations is not known beforehand.
 """
 
 from collections import Counter
@@ -109,7 +108,7 @@ def describe(case: Case, original: Prepared) -> list[str]:
     case : Case
         The case.
     original : Prepared
-        The prepared case with the grid that the case gives, which may be refined to reach an accuracy.
+        The prepared case on the grid given in the case. The run may refine this grid to reach the required accuracy.
 
     Returns
     -------
@@ -150,7 +149,7 @@ def _lines(case: Case, original: Prepared) -> Iterator[Line]:
 
 
 def _accuracy_text(case: Case, original: Prepared) -> str:
-    """Describe the requested accuracy of a case, the settings of the first attempt, and the time limit."""
+    """Describe the accuracy that a case requests, the settings of the first attempt, and the time limit."""
     assert case.accuracy is not None
     settings = first_settings(case, original)
     points = as_text(grid_points(original, settings.grid))
@@ -176,7 +175,7 @@ def _time_line(expected: Forecast) -> str:
 
 
 def _memory_line(expected: Forecast) -> str:
-    """Return the expected memory with one worker, and the memory of every further worker, as text."""
+    """Return, as text, the expected memory with one worker and for each additional worker."""
     text = f"{expected.memory / 1e9:.1f} GB of memory"
     if expected.most_memory > 1.1 * expected.memory:
         most = f"{expected.most_memory / 1e9:.1f} GB"

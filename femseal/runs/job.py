@@ -97,9 +97,9 @@ def run(
     output : path, optional
         Results folder, which is created if needed. By default, no files are written.
     resume : bool
-        Whether to use results that are already in the folder. A stopped run is continued, and its final results are
-        bitwise identical to the results of a run without interruption. If the folder holds a finished run of the same
-        case, and the program would choose the same settings again, its results are returned.
+        Whether to use results that are already in the folder. A stopped run is continued; its final results are bitwise
+        identical to those of an uninterrupted run. If the folder holds a finished run of the same case, and the program
+        would choose the same settings again, its results are returned.
     workers : int, optional
         Number of processes; by default one process for each core. The results do not depend on the number of processes.
     scheduler : str, optional
@@ -108,8 +108,8 @@ def run(
         `execution.run.ordered_map`.
     shared : path, optional
         Folder shared by several runs, for the results of single stages. A run stores the result of each stage in the
-        shared folder. If the shared folder already contains the result of a stage with the same input, the result is
-        read instead of computed. The shared folder grows with every run, because nothing is deleted from it.
+        shared folder. If the result for the same input is already there, it is read instead of computed. The shared
+        folder grows with every run, because nothing is deleted from it.
     replace_results : bool
         Whether to replace the results of a finished run in the folder.
     progress : callable, optional
@@ -133,8 +133,8 @@ def run(
         - The folder contains an unfinished run that differs in its case, its face files or its package versions.
     FemsealError
         The computation failed as a whole, or a file could not be written. The results of the completed stages stay in
-        the folder, and a run with `resume` continues from these results. Single cells that fail raise no error: they
-        are listed in `Results.failures`.
+        the folder; a run with `resume` continues from there. Single cells that fail raise no error: they are listed in
+        `Results.failures`.
 
     Examples
     --------
@@ -251,7 +251,7 @@ def _results(case: Case, original: Prepared, faces: dict[str, str], run: Run) ->
     case : Case
         The case.
     original : Prepared
-        The prepared case with the grid that the case gives, which may be refined to reach an accuracy.
+        The prepared case on the grid given in the case. The run may refine this grid to reach the required accuracy.
     faces : dict of str
         SHA-256 digest of each input file, by the path of the file, see `face_files`.
     run : Run
@@ -384,8 +384,8 @@ def face_files(case: Case) -> dict[str, str]:
 def user_code(case: Case) -> dict[str, str]:
     """Compute a digest of the code of user-defined classes in a case: fluids, seal shapes, seats and forms.
 
-    The dictionary is empty if the case contains no user-defined classes. If a digest cannot be computed, the returned
-    value is different in each call, so that no earlier result is used.
+    The dictionary is empty if the case contains no user-defined classes. If a digest cannot be computed, each call
+    returns a different value, so that no earlier result is reused.
     """
     makers = [maker for maker in makers_in(case) if not is_known(maker.__module__)]
     if not makers:
@@ -506,7 +506,7 @@ def refuse_finished(folder: Path, case: Case | None = None) -> None:
 def _settings(case: Case, original: Prepared) -> dict[str, Any]:
     """Return the settings that the program chooses for a case, and a digest of user-defined classes.
 
-    If the case requests an accuracy, the settings of the first attempt to reach the accuracy are returned.
+    If the case requests an accuracy, the settings of the first attempt are returned.
     """
     if case.accuracy is None:
         return original.chosen | user_code(case)
