@@ -222,7 +222,7 @@ class LoadTable(Table):
         loads = self._map_loads
         is_rising = loads == sorted(set(loads))
         if not self.map or len(loads) < len(self.map) or not is_rising:
-            raise invalid_value("one table `map`, or several tables with rising values of `at`")
+            raise invalid_value("one table `map`, or several tables in order of increasing `at`")
         return self
 
     @model_validator(mode="after")

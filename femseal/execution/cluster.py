@@ -245,7 +245,7 @@ def _threads(client: Any) -> int:
     try:
         return sum(client.nthreads().values())
     except OSError as error:
-        raise FemsealError(f"scheduler: the connection is lost ({error})") from error
+        raise FemsealError(f"scheduler: the connection was lost ({error})") from error
 
 
 def _await_worker(client: Any) -> None:

@@ -232,7 +232,7 @@ def edge_conductances() -> Pair:
         links[[a, b], [b, a]] -= c
     if not np.allclose(matrix, links, rtol=0, atol=1e-12 * np.abs(matrix).max()):
         raise ValueError(
-            "the form does not describe a flow: its element matrix must be that of a network with one "
+            "the form does not describe a flow: its element matrix must be the matrix of a network with one "
             "conductance for each edge of the element"
         )
     return float(along), float(across)

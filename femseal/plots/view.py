@@ -146,7 +146,7 @@ def surface_meshes(results: Results, step: int, names: list[str]) -> dict[str, A
         expected = "a run with output.fields = true, or --seal for a realisation of the seal"
         if stored:
             expected = f"one of the steps {', '.join(map(str, stored))}"
-        raise InputError("step", f"{step}, at which no fields over the pixels are stored", expected)
+        raise InputError("step", f"{step}, for which no pixel fields are stored", expected)
     meshes = {}
     for name in names:
         shown = FIELDS[name]

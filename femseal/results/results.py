@@ -248,7 +248,7 @@ class Results(Plotted):
         _loading, *unloadings = load_steps.branches_in(self.dataset)
         steps_by_peak = {pressure[steps[0]]: steps for _, steps in unloadings}
         if not steps_by_peak:
-            raise InputError("from_", from_, "nothing: the cycle has no unloading")
+            raise InputError("from_", from_, "no value, because the cycle has no unloading")
         chosen_peak = max(steps_by_peak)
         if from_ is not None:
             chosen_peak = to_si(from_, "Pa", "from_") if isinstance(from_, str) else from_

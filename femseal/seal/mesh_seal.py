@@ -279,7 +279,7 @@ def _check_elements(mesh: Mesh) -> None:
     overlapping = _overlapping_neighbours(mesh) or first_overlap(mesh)
     if overlapping:
         given = f"a mesh whose elements {' and '.join(map(str, overlapping))} overlap"
-        raise InputError("path", given, "elements that lie beside each other")
+        raise InputError("path", given, "elements that do not overlap")
 
 
 def _check_element_shapes(mesh: Mesh) -> None:

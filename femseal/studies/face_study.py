@@ -250,7 +250,9 @@ class FaceResult(Shown):
     def _existing_cells(self) -> FaceCells:
         """Cells of the surface; raises InputError for a result of the deterministic study."""
         if self.cells is None:
-            raise InputError("cells", "a face that was not cut", "the result of `two_scale`")
+            raise InputError(
+                "cells", "a face that was not cut into cells", "the result of `two_scale`"
+            )
         return self.cells
 
 

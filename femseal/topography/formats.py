@@ -96,7 +96,7 @@ def _select_map(arrays: dict[str, NDArray], name: str | None) -> NDArray:
     if len(selected) != 1:
         names = ", ".join(sorted(arrays)) or "none"
         given = f"array={name!r} of the arrays {names}"
-        raise InputError("file", given, "a single map, or the name of a map in array=")
+        raise InputError("file", given, "a file with one map, or the name of the map in array=")
     return arrays[selected[0]]
 
 

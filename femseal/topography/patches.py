@@ -270,9 +270,7 @@ def _check_patches(patches: Sequence[Topography]) -> None:
     """Raise InputError if the given maps cannot be patches of the same surface, see `Patches`."""
     if len(patches) < 2:
         given = counted(len(patches), "map")
-        raise InputError(
-            "patches", given, "at least two patches; a single map is not put into a list"
-        )
+        raise InputError("patches", given, "at least two patches; give a single map without a list")
     if not all(isinstance(patch, Topography) for patch in patches):
         raise InputError("patches", "other than maps", "a list of Topography")
     for (a, first), (b, second) in combinations(enumerate(patches, start=1), 2):

@@ -457,7 +457,9 @@ class Topography(Plotted):
         row, column = validate.grid("start", start, minimum=0)
         if row + rows > self.shape[0] or column + columns > self.shape[1]:
             given = f"shape {(rows, columns)} from {(row, column)}"
-            raise InputError("crop", given, f"a part of the {self.shape} points of the map")
+            raise InputError(
+                "crop", given, f"a part that lies within the {self.shape} points of the map"
+            )
         periodic = (
             self.periodic[0] and rows == self.shape[0],
             self.periodic[1] and columns == self.shape[1],

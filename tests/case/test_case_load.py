@@ -147,11 +147,11 @@ class TestMaps:
             ),
             (
                 [{"kind": "uniform"}, {"kind": "uniform"}],
-                "several tables with rising values of `at`",
+                "several tables in order of increasing `at`",
             ),
             (
                 [{"kind": "uniform", "at": "2 MPa"}, {"kind": "uniform", "at": "1 MPa"}],
-                "with rising values of `at`",
+                "in order of increasing `at`",
             ),
             (
                 [{"kind": "uniform", "at": "2 N"}, {"kind": "uniform", "at": "3 N"}],

@@ -76,10 +76,10 @@ def test_npz_files_are_read_with_their_spacing_and_mask(tmp_path):
     same(read_topography(path, array="b"), 2 * Z)
     same(read_topography(path, array="a", spacing=(1e-6, 1e-6)), spacing=(1e-6, 1e-6))
     refused(
-        "given array=None of the arrays a, b, expected a single map, or the name of a map in array=",
+        "given array=None of the arrays a, b, expected a file with one map, or the name of the map in array=",
         path,
     )
-    refused("given array='c' of the arrays a, b, expected a single map", path, array="c")
+    refused("given array='c' of the arrays a, b, expected a file with one map", path, array="c")
     same(read_topography(stored(tmp_path, step=3, name="loading")))
     refused(r"a spacing of shape \(\)", stored(tmp_path, spacing=1e-6))
     stored(tmp_path, mask=MASK)
