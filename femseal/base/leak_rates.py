@@ -125,7 +125,7 @@ class LeakBasis:
         return unit.si / self._amount_per_volume(unit) / length
 
     def _amount_per_volume(self, unit: LeakUnit) -> float:
-        """Return how much fluid 1 m³ at the reference state contains, in terms of the quantity that a unit measures.
+        """Return how much fluid is in 1 m³ at the reference state, as the quantity that a unit measures.
 
         Depending on the kind of `unit`, the amount is for example a mass [kg], a volume [m³] or a number of drops.
         """

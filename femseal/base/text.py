@@ -273,7 +273,7 @@ class Plotted:
         Raises
         ------
         InputError
-            An option does not exist for the picture of this class.
+            The picture of this class does not have such an option.
         """
         return display_package("plots").picture(self, **options)
 

@@ -34,7 +34,8 @@ class StepLimits(NamedTuple):
 
     after_change : maximum number of conjugate-gradient steps if the iteration has changed the active sets.
     without_change : maximum number of conjugate-gradient steps if the iteration has not changed the active sets.
-    drop : fraction of its initial value below which w·r, the squared energy norm of the residual, ends the steps.
+    drop : the steps end when w·r (the squared energy norm of the residual) falls below this fraction of its initial
+        value.
     """
 
     after_change: int

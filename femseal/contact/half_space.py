@@ -255,11 +255,11 @@ def strip_symbol(
     the displacement due to this load is (2/πE*) K₀(|q||x|). For q = 0, the displacement is the logarithmic solution of
     plane strain, which contains an arbitrary constant.
 
-    A pressure wave q that is sampled by constant values on the pixels also contains the aliases q + 2πm/Δ for all
-    integers m. The displacement due to the pressure on a pixel is therefore a sum over all aliases. The contribution of
-    an alias to the displacement decays exponentially with the distance x. At x = 0, the sum over the aliases is an
-    alternating series with a closed form. The sum over the aliases is equal to the sum of Love's solutions for all
-    periodic images of the pixel.
+    A pressure wave q that is represented by constant pixel values also contains the aliases q + 2πm/Δ for all integers
+    m. The displacement due to the pressure on a pixel is therefore a sum over all aliases. The contribution of an alias
+    to the displacement decays exponentially with the distance x. At x = 0, the sum over the aliases is an alternating
+    series with a closed form. The sum over the aliases is equal to the sum of Love's solutions for all periodic images
+    of the pixel.
 
     For coated bodies, the change in displacement due to the coatings is added, see `layered.strip_difference`.
 

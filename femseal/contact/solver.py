@@ -171,7 +171,7 @@ def _checked_load(pressure: float, law: ContactLaw) -> float:
 
 
 def check_capacity(name: str, pressure: float, law: ContactLaw) -> None:
-    """Raise InputError, about the parameter `name`, if a mean pressure [Pa] exceeds the capacity of a law."""
+    """Raise InputError for the parameter `name` if a mean pressure [Pa] exceeds the capacity of a law."""
     if pressure > law.capacity * (1 + 1e-12):
         expected = f"at most the mean hardness, {law.capacity:g} Pa"
         raise InputError(name, f"{pressure:g} Pa", expected)

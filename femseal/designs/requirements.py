@@ -159,8 +159,8 @@ class Seals:
     ) -> NeededPressure:
         """Find the pressure at which the computed leakage of a given fraction of the realisations meets a limit.
 
-        Each realisation has its own lowest pressure for the limit. These pressures are sorted, and one of them is
-        returned as the quantile, without interpolation.
+        Each realisation has its own lowest pressure at which it meets the limit. The result is a quantile of these
+        pressures, without interpolation.
         """
         value = float(np.sort(self.needed_pressures(limit, peak))[_rank(fraction, self.count)])
         pressures = self.steps.pressures[self.steps_from_highest(peak)]
