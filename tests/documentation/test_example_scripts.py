@@ -163,11 +163,12 @@ def test_design_answer_knows_what_may_be_lost_in_service(drawn, drawn_seal):
 @pytest.mark.slow
 def test_a_ring_needs_less_force_with_silver_than_without():
     script = names("coating_thickness")
-    face = {"points": [64, 96], "size": ["600 um", "900 um"]}
+    face = {"points": [96, 144], "size": ["600 um", "900 um"]}
     silver, bare = (script["needed_force"](script["ring"](t, face)) for t in (20.0, None))
     assert silver.lower <= silver.computed <= silver.upper
-    # the hardness of the silver is 0.44 times that of the flange, which yields without the silver
-    assert 0 < silver.computed < 0.7 * bare.computed
+    # The hardness of the silver is 0.44 times that of the flange, which yields without the silver. The upper ends are
+    # compared, because a seal of so few points closes as computed before its lowest load.
+    assert 0 < silver.upper < 0.7 * bare.upper < np.inf
 
 
 @pytest.mark.slow
