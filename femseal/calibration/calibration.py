@@ -370,7 +370,7 @@ def _interval_name() -> str:
 
 @shows(Calibration)
 def calibration_figure(calibration: Calibration) -> Figure:
-    """Draw samples of the posterior, and measured and calibrated leakage against load.
+    """Plot samples of the posterior, and plot the measured and the calibrated leakage against the load.
 
     The first two panels show the shortest wave and the factor of the samples as a function of the hardness.
     """

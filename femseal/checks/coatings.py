@@ -72,7 +72,7 @@ def coating_depth_warnings(scene: Scene, plastic_depth: Array | None) -> Iterato
 
 
 def constrained_hardness_ratio(edge_distance: float, thickness: float) -> float:
-    """Estimate by how much hard bodies on both sides raise the hardness of a soft coating, from above.
+    """Bound by how much hard bodies on both sides raise the hardness of a soft coating.
 
     The coating sticks to both bodies. On its way to the edge of a contact patch, squeezed material must overcome the
     shear stress k on both faces, so that the pressure rises by 2k/d per length. For a patch of any shape, the mean

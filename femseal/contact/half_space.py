@@ -176,7 +176,7 @@ def wave_numbers(n: int, spacing: float, kind: str) -> Array:
     """Return the wave numbers |q| [rad/m] of an axis with n points, in the order of its transform.
 
     A periodic axis has the non-negative wave numbers of a real Fourier transform. A mirror axis has the wave numbers
-    πk/(nΔ) of a cosine transform, like a periodic axis of twice the length.
+    πk/(nΔ) of a cosine transform, which are those of a periodic axis of twice the length.
     """
     if kind == "mirror":
         return np.pi / (n * spacing) * np.arange(n, dtype=float)

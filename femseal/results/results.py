@@ -354,7 +354,7 @@ class Results(Plotted):
         return display_package("results").rows(self)
 
     def table(self) -> TextTable:
-        """Return a table of the leakage that `rich.print` displays, see `tables.leakage_table`."""
+        """Return the leakage as a table, which `rich.print` can display, see `tables.leakage_table`."""
         return display_package("results").leakage_table(self)
 
     def attempts_table(self) -> TextTable:

@@ -137,6 +137,6 @@ class RunPictures:
         return plots.shown(getattr(plots, name)(*arguments))
 
     def _require(self, variable: str, expected: str) -> None:
-        """Raise an InputError unless the dataset has a variable."""
+        """Raise an InputError if the dataset lacks a variable."""
         if variable not in self._results.dataset:
             raise InputError("plot", f"results without {variable}", expected)

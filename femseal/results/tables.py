@@ -84,7 +84,7 @@ def write_workbook(run: Results, path: Path) -> Path:
 
 
 def leakage_table(run: Results) -> TextTable:
-    """Return a table of the leakage that `rich.print` displays.
+    """Return the leakage as a table, which `rich.print` can display.
 
     The columns of the table are:
 

@@ -54,7 +54,7 @@ _SAME = 1e-3
 
 @dataclass(frozen=True, repr=False)
 class PatchLeakage(Shown):
-    """Hold the leakage of each measured patch, and the leakage of all patches but one.
+    """Leakage of each measured patch, and leakage that follows from all patches except one, for each patch in turn.
 
     The leakage is NaN where the flow solver failed.
 

@@ -722,8 +722,8 @@ def report(rows):
         + ", ".join(f"{ratio:g} at {v:g}" for v, ratio in MEDIAN_RATIOS.items())
         + "; and two laws whose hardness rises with the plastic depth of the point: from 1.1 σ_y to 3 σ_y, as under a "
         "sphere, and from 1.9 σ_y to 3.4 σ_y. The last two numbers were chosen from nine pairs, because they agree best in "
-        "this table. The first number of a cell is the median of the leakage of the plastic solid divided by the leakage "
-        "with the law, and the second one the factor by which the two leakages differ at most in nine of ten cases. The "
+        "this table. The first number in each cell is the median ratio of the leakage of the plastic solid to the leakage "
+        "with the law. In nine of ten cases, the two leakages agree within the factor given by the second number. The "
         "contact area of the plastic solid is also divided by the contact area with the law. Only states that leak more "
         "than 1 % of the first state are counted.",
         rising_hardness(
