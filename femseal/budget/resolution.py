@@ -293,8 +293,8 @@ def _on_branch(
     slope_ratio : rms slope of the surface, divided by its rms slope before waves were removed.
     loads : loads before the reduction (m,) [Pa].
 
-    Returns the leakage (m,) [m²/s]: 0 if the reduced load is at least the lowest load at which the seal is tight, and inf if the
-    leakage under the reduced load is unknown.
+    Returns the leakage (m,) [m²/s]: 0 if the reduced load is at least the lowest load at which the seal is tight, and
+    inf if the leakage under the reduced load is unknown.
     """
     is_open = (q > 0) & (pressure > 0)
     order = np.argsort(pressure[is_open])
