@@ -269,7 +269,7 @@ def named_solid(name: str) -> Solid:
 
 
 def _similar_names(text: str, names: list[str]) -> list[str]:
-    """Return the names that contain `text` or a number in `text`, such as "316"; otherwise the most similar name."""
+    """Return the names that contain `text` or a number from it, such as "316", or else the most similar name."""
     parts = [part for part in (text, *re.findall(r"\d{3,}", text)) if part]
     with_part = [name for name in names if any(part in name for part in parts)]
     return with_part or get_close_matches(text, names, n=1, cutoff=0.4)

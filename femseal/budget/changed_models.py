@@ -82,7 +82,7 @@ class FormTolerance:
     tolerance: float = 0.0
 
     def on_seat(self, scene: Scene, sign: int, opposite: ModelChange | None) -> ModelChange:
-        """Make the change to a seat that is deeper (sign 1) or shallower (sign −1) by its tolerance."""
+        """Return the change in which the seat is deeper (sign 1) or shallower (sign −1) by its tolerance."""
         assert self.seat is not None
         below = self.seat.row_depths(scene.surface.shape[0], scene.surface.spacing[0])
         changed = scene.surface.with_form(-sign * self.tolerance * below)
@@ -90,7 +90,7 @@ class FormTolerance:
         return ModelChange("form", replace(scene, surface=changed), note, opposite=opposite)
 
     def of_seal(self, scene: Scene, sign: int, opposite: ModelChange | None) -> ModelChange:
-        """Make the change to form deviations that are higher (sign 1) or lower (sign −1) by their tolerances."""
+        """Return the change in which the form deviations are higher (sign 1) or lower (sign −1) by their tolerances."""
         forms = tuple(
             ScaledForm(form, 1 + sign * tolerance)
             for form, tolerance in zip(self.forms, self.tolerances, strict=True)
@@ -149,10 +149,10 @@ def model_part(
 ) -> ErrorPart:
     """Estimate the error that an uncertain quantity causes, from the leakage with a changed quantity.
 
-    Let e be the change of ln(leakage) with the change of the quantity, and e' with the opposite change. The interval of
-    ln(leakage) reaches from ln(leakage) + min(e, e') to ln(leakage) + max(e, e'). If e and e' have the same sign, the
-    interval is extended to the other side by the smaller of |e| and |e'|. If an opposite change is impossible, only e
-    is used, and an end of the interval is ln(leakage).
+    Let e and e' be the changes of ln(leakage) that are caused by the change of the quantity and by the opposite change.
+    The interval of ln(leakage) reaches from ln(leakage) + min(e, e') to ln(leakage) + max(e, e'). If e and e' have the
+    same sign, the interval is extended to the other side by the smaller of |e| and |e'|. If an opposite change is
+    impossible, only e is used, and an end of the interval is ln(leakage).
 
     Parameters
     ----------

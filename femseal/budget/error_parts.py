@@ -4,7 +4,7 @@ The class `ErrorPart` holds one error source, and the class `ErrorBudget` combin
 `CoarserSolution` holds the leakage of a coarser solution, for example with larger pixels or without the shortest waves.
 The difference between a leakage and its coarser solution shows the error of the pixel size or of the removed waves.
 
-The change of ln(leakage) from one grid to a coarser grid is not a smooth function of the load. At loads at which
+The change of ln(leakage) from one grid to a coarser grid is not a smooth function of the load. At loads where
 contacts open and close, the sign of the change is random. Near the load at which the last leakage path closes, the
 coarser grid shifts the load at which the seal closes, and the change of ln(leakage) equals this shift of ln(load) times
 the slope |d ln(leakage)/d ln(load)|. The function `scale_of_changes` estimates the typical size of the change at a load
@@ -108,7 +108,7 @@ class ErrorPart:
         name : str
             Name of the error source, one of the names in `ErrorPart`.
         leakage : array (steps,), m²/s
-            Leakage. At steps at which the leakage is 0, the lower and the upper end of the interval are 0.
+            Leakage. At steps where the leakage is 0, the lower and the upper end of the interval are 0.
         below, above : array (steps,)
             Distances from ln(leakage) to the lower and to the upper end of its interval. If `below` is inf, the seal
             may be sealed.
@@ -151,7 +151,7 @@ class ErrorBudget:
         Load steps. If load steps are given, the intervals are made consistent with the rule that a seal leaks no more
         under a higher load, see `within_others`. Without load steps, the interval of each step is not changed.
     separated : tuple of int
-        Indices of the steps at which the fluid carries the whole load, so that the faces are separated and the leakage
+        Indices of the steps where the fluid carries the whole load, so that the faces are separated and the leakage
         is unknown.
     """
 
@@ -177,7 +177,7 @@ class ErrorBudget:
         """Lower end of the 95 % interval (steps,) [m²/s].
 
         The lower end is 0 where the seal may be sealed, and NaN where an error source is unknown. The distance from
-        ln(leakage) to the logarithm of the lower end is √Σd², where each error source contributes its own distance d.
+        ln(leakage) to the logarithm of the lower end is √Σd², where d is the distance due to one error source.
         """
         return self._ends[0]
 
@@ -185,9 +185,9 @@ class ErrorBudget:
     def upper(self) -> Array:
         """Upper end of the 95 % interval (steps,) [m²/s].
 
-        The distance from ln(leakage) to the logarithm of the upper end is √Σd², where each error source contributes its
-        own distance d. At a sealed step, ln(leakage) does not exist, and the upper end of the budget is the largest
-        upper end of all error sources.
+        The distance from ln(leakage) to the logarithm of the upper end is √Σd², where d is the distance due to one
+        error source. At a sealed step, ln(leakage) does not exist, and the upper end of the budget is the largest upper
+        end of all error sources.
         """
         return self._ends[1]
 
@@ -207,8 +207,8 @@ class ErrorBudget:
         """Return the larger of the two distances from ln(leakage) to the ends of its interval.
 
         The half-width is an array (steps,), or a number if a step is given. A value of inf means that it is unknown
-        whether the seal leaks: the seal leaks at the step but the lower end is 0, or the seal is sealed at the step but
-        the upper end is above 0.
+        whether the seal leaks: either the computed leakage is above 0 but the lower end is 0, or the computed leakage
+        is 0 but the upper end is above 0.
         """
         widths = _width(np.abs(self.leakage), self.lower, self.upper)
         return widths if step is None else float(widths[step])
@@ -239,7 +239,8 @@ class ErrorBudget:
     def _distance(self, end: str) -> Array:
         """Compute the distance from ln(leakage) to an end ("lower" or "upper") of the combined interval, (steps,).
 
-        The distance is √Σd², with the distance d from ln(leakage) to this end of the interval of each error source.
+        The distance is √Σd², where d is the distance from ln(leakage) to the same end of the interval of one error
+        source.
         """
         total = np.zeros(np.shape(self.leakage))
         for part in self.parts:
@@ -255,7 +256,7 @@ def within_others(
     """Limit the interval of each load step by the intervals of the other steps.
 
     The limits follow from two rules for the leakage. On loading, and on each unloading, the leakage does not rise with
-    the load. Under equal loads, the leakage on unloading is not larger than the leakage on loading. If the computed
+    the load. At the same load, the leakage on unloading is not larger than the leakage on loading. If the computed
     leakage breaks one of the two rules, for example because the pressure map changes with the load, the intervals are
     returned unchanged. Unknown ends of intervals remain unknown, and each interval contains the leakage of its step.
 
@@ -343,7 +344,7 @@ class WidestInterval:
     limit : str
         Name of the error source with the widest interval.
     parts : dict
-        Half-width of each error source at its widest, among the selected load steps, by the name of the error source.
+        Largest half-width of each error source over the selected load steps, by the name of the error source.
     """
 
     half_width: float
@@ -355,7 +356,7 @@ class WidestInterval:
 def counting_steps(budget: ErrorBudget) -> np.ndarray:
     """Return the indices of the load steps that decide whether an interval is narrow enough.
 
-    If the seal leaks at the first step, the function selects the steps at which the leakage is unknown or exceeds 1e-3
+    If the seal leaks at the first step, the function selects the steps where the leakage is unknown or exceeds 1e-3
     of the leakage at the first step. Sealed steps are not selected, because the intervals of the last leaking steps
     already show whether the seal may still be open. If the seal does not leak at the first step, all steps that leak or
     may leak are selected. Steps at which the fluid carries the whole load are never selected.
@@ -522,13 +523,13 @@ def sealed_upper(
     change: Array | None = None,
     coarse: CoarserSolution | None = None,
 ) -> Array:
-    """Estimate how much the seal may leak at load steps at which the computed leakage is 0.
+    """Estimate how much the seal may leak at load steps where the computed leakage is 0.
 
     Returns the upper end of the 95 % interval at sealed steps, and 0 at leaking steps, array (steps,) [m²/s].
 
-    An error of ln(leakage) has the effect of a shift of ln(load), see `_load_shift`. If the shift of the load may open
-    the seal at a sealed step, the step may leak as much as the nearest leaking step with a lower load, up to the upper
-    end of the interval of that leaking step. If a second solution with another grid or a changed model leaks at the
+    An error of ln(leakage) has the effect of a shift of ln(load), see `_load_shift`. If this shift may open the seal at
+    a sealed step, the leakage of the step is estimated from the nearest leaking step with a lower load: it is at most
+    the upper end of the interval of that step. If a second solution with another grid or a changed model leaks at the
     sealed step, the upper end is at least the leakage of the second solution.
 
     Parameters
@@ -568,7 +569,7 @@ def sealed_upper(
 
 
 def _leaks_no_less_at_lower_load(steps: LoadProgramme, step: int) -> Flags:
-    """Flag the steps that leak at least as much as a given step, provided that their load is not higher.
+    """Flag the steps that leak at least as much as a given step if their load is equal or lower.
 
     All steps on loading are flagged. If the given step is on an unloading branch, the steps of this branch are flagged
     as well.
@@ -581,7 +582,7 @@ def _leaks_no_less_at_lower_load(steps: LoadProgramme, step: int) -> Flags:
 def _load_shift(distance: Array, slope: Array, is_open: Flags) -> float:
     """Return the largest shift of ln(load) that explains the given distances of ln(leakage) at leaking steps.
 
-    At each leaking step, the shift of ln(load) is the distance of ln(leakage) divided by the slope of ln(leakage) over
+    At each leaking step, the shift of ln(load) is the distance from ln(leakage) divided by the slope d ln(leakage)/d
     ln(load).
 
     Parameters
@@ -608,9 +609,9 @@ def part_of_changes(
     change: Array | None = None,
     coarse: CoarserSolution | None = None,
 ) -> ErrorPart:
-    """Make an error source from distances of ln(leakage), and estimate its upper ends at sealed steps.
+    """Make an error source from distances to ln(leakage), and estimate its upper ends at sealed steps.
 
-    At leaking steps, the interval follows from the distances between ln(leakage) and both ends. At sealed steps, the
+    At load steps that leak, each end of the interval is set by its distance from ln(leakage). At sealed steps, the
     computed leakage is zero and has no logarithm, so that `sealed_upper` estimates the upper end of the interval.
 
     Parameters
@@ -646,8 +647,8 @@ def pixels_part(
     half the points along each side, see `scale_of_changes`. The term s is the change of ln(leakage) under a small shift
     of the load. The term s keeps the interval from being too narrow if the change between the grids is small by chance.
 
-    The lower end of the interval is 0 at steps at which the coarser grid does not leak. The lower end is also 0 at
-    steps at which the last leakage path is about to close and the half-width is larger than `_MAY_CLOSE`.
+    The lower end of the interval is 0 at steps where the coarser grid does not leak. The lower end is also 0 at
+    steps where the last leakage path is about to close and the half-width is larger than `_MAY_CLOSE`.
 
     Parameters
     ----------

@@ -223,7 +223,7 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
 def patch_form_part(
     effect: FormEffect, steps: LoadProgramme, leakage: Array, *, rises: bool = False
 ) -> ErrorPart | None:
-    """Estimate the error of not knowing whether the curvature of a patch is form deviation or roughness.
+    """Estimate the error that arises because the curvature of a patch may be form deviation or roughness.
 
     The curvature of the patch may belong to the form deviation or to the roughness, and the seal may be more curved
     than the patch. The distance from ln(leakage) to either end of its interval is the change of ln(leakage) when the
@@ -355,8 +355,8 @@ def error_budget(
     Returns
     -------
     The error budget. The combined interval contains the true leakage in about 95 of 100 cases. The distance from
-    ln(leakage) to an end of the combined interval is √Σd², with the distance d from ln(leakage) to this end of the
-    interval of each error source.
+    ln(leakage) to an end of the combined interval is √Σd², where d is the distance from ln(leakage) to the same end of
+    the interval of one error source.
 
     Examples
     --------
@@ -398,7 +398,7 @@ class NumericalErrors:
         return near_closing(self.leakage, open_leakage_of(self.study, self.scene))
 
     def _wider_near_closing(self, part: ErrorPart) -> ErrorPart:
-        """Widen the interval of an error source at steps at which the last leakage path is about to close."""
+        """Widen the interval of an error source at steps where the last leakage path is about to close."""
         return part.widened(self.leakage, np.where(self.closing, _NEAR_CLOSING, 1.0))
 
     def solver(self) -> list[ErrorPart]:

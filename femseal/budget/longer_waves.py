@@ -59,7 +59,7 @@ class DrawnForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wave that the form deviation has in common with the patch [m]; always inf, for no common wave."""
+        """Shortest wave that the form deviation has in common with the patch [m]; always inf, as they share no wave."""
         return np.inf
 
     def heights(self, points: Array, frame: Frame) -> Array:
@@ -89,9 +89,9 @@ def longer_waves(
 ) -> Array | None:
     """Compute the changes of ln(leakage) that are caused by random waves longer than the measured patch.
 
-    The shortest random wave is as long as the side of the patch. The longest random wave is as long as the seal is wide
-    or, if a flatness is given, as the longer side of the seal. The heights of the random waves follow from the
-    extrapolated spectrum of the patch if the spectrum rises towards long waves, and from the flatness otherwise.
+    The shortest random wave is as long as the side of the patch. The longest random wave is as long as the width of the
+    seal or, if a flatness is given, as its longer side. The heights of the random waves follow from the extrapolated
+    spectrum of the patch if the spectrum rises towards long waves, and from the flatness otherwise.
 
     Parameters
     ----------

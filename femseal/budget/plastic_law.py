@@ -53,11 +53,11 @@ def plastic_law_part(
 ) -> ErrorPart | None:
     """Estimate the error of limiting the contact pressure by the hardness.
 
-    The contact law with the lowest or the highest equivalent hardness, see `equivalent_ratios`, leaks as much as a
-    solution with von Mises plasticity. The difference between ln(H) of the study and ln(H) of an equivalent hardness is
-    converted to a shift of ln(load), see `_LOAD_PER_HARDNESS`. The error of ln(leakage) is this shift of ln(load) times
-    the slope |d ln(leakage)/d ln(load)|. On unloading, the error is at least as large as at the highest load, because
-    the plastic deformation from the highest load remains.
+    Between the lowest and the highest equivalent hardness, see `equivalent_ratios`, lies the hardness for which the
+    contact law gives the leakage of a solution with von Mises plasticity. The difference between ln(H) of the study and
+    ln(H) of an equivalent hardness is converted to a shift of ln(load), see `_LOAD_PER_HARDNESS`. The error of
+    ln(leakage) is this shift of ln(load) times the slope |d ln(leakage)/d ln(load)|. On unloading, the error is at
+    least as large as at the highest load, because the plastic deformation from the highest load remains.
 
     Parameters
     ----------

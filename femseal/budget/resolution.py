@@ -7,9 +7,9 @@ extrapolated wave are still missing.
 The effect of the missing waves on the leakage has an upper bound. If the missing waves were added, the surface would be
 steeper, and its gap would be about equal to the gap of the smoother surface under a lower load. By Persson's theory,
 the contact fraction is erf(c p/(E* h')), with the pressure p, the contact modulus E*, the rms slope h' and a constant
-c. Let κ be the rms slope of the smoother surface divided by the rms slope of the complete surface. By the formula of
-Persson, the smoother surface under the pressure κ p has the same contact fraction as the complete surface under the
-pressure p. Measurements on many surfaces gave a similar relation for the leakage, see `LOAD_POWER`.
+c. Let κ be the rms slope of the smoother surface divided by the rms slope of the complete surface. By Persson's theory,
+the smoother surface under the pressure κ p has the same contact fraction as the complete surface under the pressure p.
+Measurements on many surfaces gave a similar relation for the leakage, see `LOAD_POWER`.
 """
 
 from collections.abc import Sequence
@@ -86,17 +86,17 @@ def filter_part(
 ) -> ErrorPart:
     """Estimate the error that the filter causes, from the slope of the removed waves and a solution with fewer waves.
 
-    The solution with fewer waves lacks the shortest octave of the waves that the filter left. The error of ln(leakage)
-    is computed from two estimates, `s` from the contact state and `o` from the solution with fewer waves, see `_ERROR`.
-    On unloading, the error is at least as large as at the highest load before unloading. The lower end of the interval
-    is 0 if the estimate `s` is so large that the surface with the removed waves may be sealed.
+    For the solution with fewer waves, the shortest octave of the remaining waves is removed as well. The error of
+    ln(leakage) is computed from two estimates, `s` from the contact state and `o` from the solution with fewer waves,
+    see `_ERROR`. On unloading, the error is at least as large as at the highest load before unloading. The lower end of
+    the interval is 0 if the estimate `s` is so large that the surface with the removed waves may be sealed.
 
     Parameters
     ----------
     scene : input of the study.
     leakage : array (steps,), m²/s.
     in_contact : contact fraction, array (steps,).
-    filtered : solution without the shortest octave of the waves that the filter left.
+    filtered : solution in which the shortest octave of the remaining waves is removed as well.
     slope_ratio : rms slope of the surface, divided by its rms slope before the waves were removed.
     name : name of the error source.
     """
@@ -225,7 +225,7 @@ def sealed_for_certain(in_contact: Array, slope_ratio: float = 1.0) -> Flags:
 def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_ratio: float) -> Array:
     """Estimate the leakage (steps,) at the load of each step, multiplied by the factor slope_ratio**LOAD_POWER.
 
-    The leakage under the reduced load is 0 where the surface is sealed under the load of the step and also under the
+    The leakage under the reduced load is 0 if the surface is sealed both under the load of the step and under the
     reduced load.
 
     At a step on unloading, the leakage under the reduced load is read from the same unloading branch. If all loads of

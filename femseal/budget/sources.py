@@ -3,8 +3,8 @@
 The list of error sources is `SOURCES`. A run evaluates its error sources, and the forecast of a run counts the
 solutions that they need. An error source consists of two functions. The function `versions` lists the modified versions
 of the input that must be solved. The function `parts` estimates the error of a study from the leakages of these
-versions. To add an error source, write the two functions and enter them into `SOURCES`. If the error source belongs to
-the model or to its input, also enter its name into `MODEL_PARTS`.
+versions. To add an error source, write the two functions and add them to `SOURCES`. If the error source belongs to the
+model or to its input, also add its name to `MODEL_PARTS`.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ class BudgetRequest:
 
     @property
     def grid(self) -> Version:
-        """Unchanged input on the grid on which changes of the model are solved."""
+        """Unchanged input, on the grid that is used for the changes of the model."""
         return self.coarser or self.version
 
     @cached_property
@@ -244,7 +244,7 @@ def _plastic_law(
 def _form_of_the_patch(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Estimate the error of not knowing whether the curvature of a patch is form deviation or roughness."""
+    """Estimate the error that arises because the curvature of a patch may be form deviation or roughness."""
     version = evaluation.request.version
     effect = evaluation.request.form_effect
     if effect is None:
@@ -308,8 +308,8 @@ def _continuation(
 def _slope_ratio_beyond(surface: Surface, continuation: Continuation, scene: Scene) -> float:
     """Compute the ratio of the rms slope of a surface to the rms slope of the surface with its missing short waves.
 
-    The missing waves are shorter than the cut-off wavelength of the surface. The shortest missing wave that counts is
-    the shortest wave that is relevant for the contact, but at least one tenth and at most one half of the cut-off
+    The missing waves are shorter than the cut-off wavelength of the surface. Missing waves are counted down to the
+    shortest wave that matters for the contact, which is limited to between one tenth and one half of the cut-off
     wavelength.
     """
     cut_off = continuation.cut_off
@@ -331,7 +331,7 @@ def _changed_versions(request: BudgetRequest, name: str) -> list[Version | None]
 def _changed_model(
     evaluation: Evaluation, result: Any, budget: ErrorBudget, name: str
 ) -> list[ErrorPart | None]:
-    """Estimate the error of the error source `name` by solving the input with a changed model.
+    """Estimate the error from the source `name` by solving the input with a changed model.
 
     The input with the opposite change is only solved if the error source matters, see `opposite_matters`.
     """
@@ -353,7 +353,7 @@ def _changed_model(
 
 
 def _source_of_changes(name: str) -> ErrorSource:
-    """Make the error source `name`, whose error is estimated with a changed model, see `model_changes`."""
+    """Make the error source `name`, whose error is estimated by changing the model, see `model_changes`."""
     return ErrorSource(
         name, partial(_changed_versions, name=name), partial(_changed_model, name=name)
     )

@@ -1,4 +1,4 @@
-"""Make the modified versions of the input of a run that are solved for its error budget.
+"""Modify the input of a run in the ways that its error budget requires.
 
 A modified version has fewer points, lacks the shortest waves, or changes one assumption of the model.
 """
@@ -118,8 +118,9 @@ class Version(Protocol):
 def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 1)) -> Shape | None:
     """Return the numbers of points of a grid with half the points along each axis.
 
-    The numbers may be slightly larger than half, because the cells or blocks of the surface require it. The result is
-    None if the coarser grid would be too similar to the original grid for a comparison, see `MOST_POINTS_FRACTION`.
+    The numbers may be slightly more than half, so that the grid can still be divided into the cells or blocks of the
+    surface. The result is None if the coarser grid would be too similar to the original grid for a comparison, see
+    `MOST_POINTS_FRACTION`.
 
     Parameters
     ----------
@@ -139,14 +140,14 @@ def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 
 def solved_study(study: Study) -> Study:
     """Return the study that computes the leakage of a modified version, for comparison with a study of the run.
 
-    The deterministic study is returned for the two-scale study, because the two-scale leakage is equal to the leakage
-    of the whole surface. Every other study is returned unchanged.
+    For the two-scale study, the deterministic study is returned, because both leakages are equal for the whole surface.
+    All other studies are returned unchanged.
     """
     return STUDIES["deterministic"] if study.name == "two-scale" else study
 
 
 def coarser_grid(version: Version) -> Version | None:
-    """Make the version with half the points along each axis; None if so few points are not possible."""
+    """Make the version with half the points along each axis; None if the grid cannot be made so coarse."""
     surface = version.scene.surface
     points = coarser_points(surface.shape, version.least_points, version.points_divide_by)
     return None if points is None else _reduced(version, surface.resample(points))

@@ -104,7 +104,7 @@ def calibrate(
         Folder for the table, the picture and the data. If the case is a file, the calibrated case is written to this
         folder as well. By default, no files are written.
     hardness, shortest_wave, factor : pair of float or str, optional
-        Lower and upper end of the range of each quantity, in SI units or as texts with units. Within its range, the
+        Lower and upper end of the range of each quantity, in SI units or as strings with units. Within its range, the
         prior of each quantity is uniform in the logarithm of the quantity. The default ranges of hardness and shortest
         wave extend from one third to three times the value of the case. The default range of the factor is from 1/5 to
         5. The range of the shortest wave begins at 8 pixels or above.
@@ -208,8 +208,8 @@ def calibrate(
 def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> Array:
     """Return the ranges of hardness, shortest wave and factor in SI units, (3, 2).
 
-    A range that is not given extends around the value of the case by the factor in `WIDTHS`, within the limits for
-    which the case can be solved.
+    By default, a range extends from the value of the case divided by the factor in `WIDTHS` to the value times this
+    factor, as far as the case can be solved.
 
     Raises
     ------

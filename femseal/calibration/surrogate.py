@@ -8,8 +8,8 @@ the cube root is a smooth function near sealing. The Gaussian process is the sum
 - a linear trend,
 - a smooth process, with a squared exponential covariance, and
 - a rough process, whose covariance along the last axis, the shortest wave, is exponential, exp(−r). The rough process
-  describes jumps of the leakage as a function of the shortest wave. The leakage jumps if the low-pass filter removes a
-  wave that opens or closes a channel.
+  describes how the leakage jumps as the shortest wave varies. The leakage jumps if the low-pass filter removes a wave
+  that opens or closes a channel.
 
 The correlation lengths and the relative amplitudes of the smooth and the rough process are common to all loads, and
 maximise the posterior density with weak priors. The absolute amplitude is different for each load (Rasmussen and
@@ -200,8 +200,8 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
     """Fit Gaussian processes with common amplitudes and correlation lengths to several sets of data.
 
     The amplitudes and correlation lengths maximise the posterior density. The mean, the trend and the scale of each
-    column y of the values are unknown, and the posterior density is integrated over the mean, the trend and the scale.
-    Up to a constant, the negative logarithm of the integrated posterior density is
+    column y are unknown and are integrated out of the posterior density. Up to a constant, the negative logarithm of
+    the integrated posterior density is
 
         −ln(density) = Σ ((parameter − median) / deviation)² / 2 + Σ (ν/2 ln(yᵀK⁻¹y) + ln|L|).
 
@@ -251,7 +251,7 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
 
 @dataclass(frozen=True)
 class _LoadGroup:
-    """Hold a group of loads at which exactly the same simulations leak.
+    """Hold a group of loads where exactly the same simulations leak.
 
     loads : indices of the loads in the group. simulations : indices of the simulations that leak at the loads.
     """
@@ -312,7 +312,7 @@ class Surrogate:
         Gaussian processes of the cube root of the leakage, one entry for each group of loads, see `_group_loads`.
     open : _ProcessAtLoads, optional
         Gaussian processes that predict 1 if the seal leaks and −1 if the seal is sealed. These processes exist for the
-        loads at which some simulations leak and others are sealed. None if the simulations agree at every load.
+        loads where some simulations leak and others are sealed. None if the simulations agree at every load.
     common_class : array (loads,)
         1 if the first simulation leaks at a load, −1 if the first simulation is sealed. At loads that are not in
         `open`, all simulations have the value of the first simulation.
@@ -412,8 +412,8 @@ def _logarithm(mean: Array, deviation: Array) -> tuple[Array, Array]:
 
     Let x be the cube root of the leakage. The distribution of x is a normal distribution that is truncated at 0,
     because x is positive if the seal leaks. Let Φ be the normal distribution function, and r = mean/deviation. The
-    quantile of x at the probability Φ(s) is deviation (r − Φ⁻¹(Φ(r) Φ(−s))). The quantile of ln(leakage) at the
-    probability Φ(s) is 3 ln(x), with this quantile x.
+    quantile of x at the probability Φ(s) is deviation (r − Φ⁻¹(Φ(r) Φ(−s))). With this quantile x, the quantile of
+    ln(leakage) at the probability Φ(s) is 3 ln(x).
 
     Returns
     -------

@@ -80,7 +80,7 @@ class SolveCounts:
 
     @classmethod
     def of(cls, flow: Any) -> SolveCounts:
-        """Count the linear system that was solved for one flow.
+        """Count the linear system that was solved for a single flow.
 
         flow : result with the attributes `solver` and `imbalance`. If `solver` is "none", no system was solved, and all
             counts are 0.
@@ -142,8 +142,8 @@ class CellPermeabilities:
     k : array, (pressures,)
         Permeability at each fluid pressure [m³].
     counts : SolveCounts
-        Number of linear systems that were solved for all fluid pressures. In the numbers of open and closed cells, the
-        cell is counted once.
+        Number of linear systems that were solved for all fluid pressures. The cell itself is counted only once as open
+        or closed.
     """
 
     k: Array

@@ -1,9 +1,9 @@
 """Cut a surface in contact into rectangular cells, and compute the permeability of each cell along both axes.
 
 The contact is solved for the whole surface, because the long waves of the surface keep the valleys of a cell open; a
-single cell under load would be flattened. The flow through a cell is solved without flow through the sides of the cell.
-Fluid cannot make a detour through neighbouring cells, so that the cells in their original order leak less than the
-surface. A correction factor for each axis and each contact state compensates for the missing detours.
+single cell under load would be flattened. The flow through a cell is solved with no flow across its sides. Fluid cannot
+make a detour through neighbouring cells, so that the cells in their original order leak less than the surface. A
+correction factor for each axis and each contact state compensates for the missing detours.
 """
 
 from __future__ import annotations
@@ -262,7 +262,7 @@ def _points_with_overlaps(
 
 
 def _divide_range(first: int, points: int, count: int) -> list[int]:
-    """Divide a range of points into `count` parts of equal size, up to rounding, and return their `count` + 1 ends."""
+    """Divide a range of points into `count` nearly equal parts, and return their `count` + 1 boundaries."""
     return [first + round(n * points / count) for n in range(count + 1)]
 
 
@@ -284,7 +284,7 @@ class CellState:
     counts : SolveCounts
         Numbers of linear systems that were solved, of open cells and of closed cells.
     failures : tuple of str
-        Messages of the solvers that failed, so that values of `k` are NaN.
+        Messages of the solvers whose failure left NaN in `k`.
     surface_k1 : float
         Permeability of the whole surface along x1 [m³].
     surface_k2 : float

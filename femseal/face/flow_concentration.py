@@ -59,7 +59,7 @@ def blocks_of_one_wave(surface: Surface) -> Shape:
 
 
 def short_wave(surface: Surface) -> float:
-    """Return the short wavelength [m] of a surface: all longer waves contribute 95 % of the mean square slope.
+    """Return the short wavelength [m]: waves longer than this contribute 95 % of the mean square slope.
 
     For several patches, the median of the short wavelengths of the patches is returned.
     """

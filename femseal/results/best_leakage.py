@@ -52,7 +52,7 @@ def best_leakage(data: xarray.Dataset) -> xarray.DataArray:
 
 
 def open_steps(data: xarray.Dataset) -> list[int]:
-    """Return the load steps at which the fluid carries the whole load.
+    """Return the load steps where the fluid carries the whole load.
 
     Where the fluid carries the whole load, the surfaces are separated and the leakage is unknown.
     """
@@ -190,8 +190,8 @@ def class_interval_of(
     """Return the 95 % interval of the class leakage.
 
     Only the leakage of the service fluid has an error budget. If the run has a test fluid, the interval of the service
-    leakage is multiplied by the ratio of the test leakage to the service leakage. At steps at which the service leakage
-    or the test leakage is 0, the largest ratio of all steps is used, so that the upper end is not too low.
+    leakage is multiplied by the ratio of the test leakage to the service leakage. At steps where the service leakage or
+    the test leakage is 0, the largest ratio of all steps is used, so that the upper end is not too low.
 
     Parameters
     ----------

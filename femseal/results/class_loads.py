@@ -1,4 +1,4 @@
-"""Tabulate the load that each of several runs requires to meet the leakage classes that all runs have in common."""
+"""Tabulate the load that each run requires to meet the leakage classes that all runs have in common."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def common_load_text(runs: Sequence[Results]) -> LoadText:
 
 
 def class_columns(runs: Sequence[Results]) -> list[tuple[str, list[str]]]:
-    """Return table columns with the load that each run requires to meet a class, for each class that all runs have.
+    """Return a table column for each leakage class that all runs have, with the load that each run requires to meet it.
 
     Parameters
     ----------
@@ -38,9 +38,9 @@ def class_columns(runs: Sequence[Results]) -> list[tuple[str, list[str]]]:
     Returns
     -------
     list of (str, list of str)
-        Pairs, one for each column: heading of the column, and a text for each run. Each class has a column for the load
-        with which the computed leakage meets the class. A second column, for the load with which the whole 95 %
-        interval meets the class, is left out if a run has no interval.
+        One pair per column: its heading, and one string per run. Each class has a column for the load at which the
+        computed leakage meets the class. A second column, for the load with which the whole 95 % interval meets the
+        class, is left out if a run has no interval.
     """
     verdicts = [{verdict.name: verdict for verdict in verdicts_of(results)} for results in runs]
     load_texts = [short_loads(results) for results in runs]

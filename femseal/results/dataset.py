@@ -241,8 +241,8 @@ def _add_studies(
 def _width_of_rows(scene: Scene, stochastic: StudyResult | None) -> float:
     """Return the total width of the rows whose mean contact pressure is stored, from inlet to outlet [m].
 
-    The total width is the width of the seal if the stored pressures are pressures of the rows of a stochastic seal, and
-    the width of the surface otherwise.
+    This is the width of the seal if the pressures are stored for the rows of a stochastic seal, and otherwise the width
+    of the surface.
     """
     if isinstance(stochastic, StochasticResult) and stochastic.row_pressure is not None:
         return stochastic.seal.size[0]
@@ -445,7 +445,7 @@ def _vague_leakage(data: xarray.Dataset) -> list[str]:
 
 
 def _json(value: Any) -> str:
-    """Convert a value to JSON; values that JSON does not know become lists or texts."""
+    """Convert a value to JSON; values that JSON does not know become lists or strings."""
     return json.dumps(value, ensure_ascii=False, default=_plain)
 
 

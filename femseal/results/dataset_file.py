@@ -154,8 +154,8 @@ def _check_attributes(data: xarray.Dataset) -> None:
 def _check_safety(path: Path) -> None:
     """Raise an InputError if a file refers to other files, or needs more memory than is free.
 
-    HDF5 files can contain links to other files. Links are not followed, because links in results from someone else
-    could point to any file on the computer of the reader.
+    HDF5 files can contain links to other files. Links are not followed: results received from someone else could link
+    to any file on the reader's computer.
     """
     import h5py
 

@@ -1,4 +1,4 @@
-"""List the file formats and limits that a case can choose for the files of its results.
+"""List the file formats and size limits that a case can set for its result files.
 
 The module does not import the solvers, so that a case can be read quickly.
 """
@@ -15,7 +15,7 @@ FIELDS_LIMIT = 1e9
 
 
 def read_formats(text: str | None) -> tuple[str, ...]:
-    """Return the picture formats that a text such as "svg,pdf" lists, and () for None.
+    """Split a string such as "svg,pdf" into picture formats; None gives an empty tuple.
 
     >>> read_formats("svg,pdf")
     ('svg', 'pdf')

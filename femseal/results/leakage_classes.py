@@ -116,7 +116,7 @@ def _is_met(limits: Array, deciding: DecidingLeakage) -> Array:
 def _fraction_met(limits: Array, deciding: DecidingLeakage) -> Array:
     """Return the fraction of the realisations whose leakage is within each limit, (leak_class, step).
 
-    The fraction is NaN at steps at which it is unknown whether a realisation leaks, and at steps at which the
+    The fraction is NaN at steps where it is unknown whether a realisation leaks, and at steps where the
     computation failed.
     """
     leakage = deciding.of_realisations  # (realisation, step)
@@ -167,7 +167,7 @@ def _warnings(classes: Sequence[LeakClass], length: float, diameter: float | Non
 
 
 def tightest_classes(data: xarray.Dataset) -> list[str]:
-    """Return a text for each step that lists, for each standard, the tightest class that is met.
+    """Return a string for each step that lists, for each standard, the tightest class that is met.
 
     The text of a step is "none" if no class is met, "failed" if the computation failed, and "open" if the computed
     leakage is zero but its 95 % interval has no upper end. The function returns an empty list if no classes were

@@ -1,4 +1,4 @@
-"""Read the load steps of a dataset, and name them in texts.
+"""Read the load steps of a dataset, and describe them in words.
 
 A dataset has two variables that describe the load steps. The variable `nominal_pressure` is the nominal pressure of the
 step. The variable `unloaded_from` is the highest nominal pressure before unloading, and NaN on loading. In the
@@ -146,7 +146,7 @@ def loads_as_given(data: xarray.Dataset, digits: int = 4) -> Callable[[float], s
 
 
 def load_names(data: xarray.Dataset) -> list[str]:
-    """Return a text for every step with its branch and its load, such as "unloading 40 MPa from 300 MPa"."""
+    """Return a string for every step with its branch and its load, such as "unloading 40 MPa from 300 MPa"."""
     text = loads_as_given(data)
     pressures = data["nominal_pressure"].values
     peaks = data["unloaded_from"].values

@@ -108,9 +108,9 @@ class Lowering:
     Attributes
     ----------
     by_load : float
-        Factor of the leakage if the load is increased by the fraction `LOAD_INCREASE`.
+        Factor by which the leakage changes if the load is increased by the fraction `LOAD_INCREASE`.
     by_finish : float
-        Factor of the leakage if the roughness heights are multiplied by `HEIGHTS`.
+        Factor by which the leakage changes if the roughness heights are multiplied by `HEIGHTS`.
     """
 
     by_load: float
@@ -191,9 +191,10 @@ def _larger_patch(results: Results) -> tuple[str, float]:
 def _patch_factor(results: Results, step: int, area_ratio: float) -> float:
     """Estimate the factor by which the error from the source "patch" changes if a larger area is measured.
 
-    Let N be the number of blocks of the surface that carry the flow, and r the ratio of the larger area to the present
-    area. For the larger area, the number of these blocks is r N. The factor is e(r N)/e(N), where e is the function
-    `error_of_few_carriers`. If N is unknown, the factor is 1/√r, as for the error of a mean of independent samples.
+    Let N be the number of blocks that carry the flow through the present surface, and r the ratio of the larger to the
+    present area. For the larger area, the number of these blocks is r N. The factor is e(r N)/e(N), where e is the
+    function `error_of_few_carriers`. If N is unknown, the factor is 1/√r, as for the error of a mean of independent
+    samples.
 
     Parameters
     ----------

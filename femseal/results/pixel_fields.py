@@ -40,7 +40,7 @@ _BYTES_PER_VALUE = np.dtype(np.float32).itemsize
 
 
 class _PixelField(NamedTuple):
-    """Hold a field over the pixels at a step: its declaration, values (x1, x2) in SI units, and pixel size [m]."""
+    """Hold a pixel field at a step: its declaration, values (x1, x2) in SI units, and pixel size [m]."""
 
     declaration: Field
     values: Any
@@ -59,10 +59,10 @@ def _fields_in_memory(run: Results) -> list[tuple[Field, Any]]:
 
 
 def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
-    """Choose the load steps whose fields over the pixels are written.
+    """Choose the load steps whose pixel fields are written.
 
-    If the fields of all steps are larger than `limit`, steps are chosen that are spread evenly over the load programme
-    and include the step with the highest load.
+    If the fields of all steps together exceed `limit`, a subset of steps is chosen. It is spread evenly over the load
+    programme and includes the step with the highest load.
 
     Parameters
     ----------
@@ -71,8 +71,8 @@ def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
 
     Returns
     -------
-    Indices of the chosen steps, and a list of texts for the log. If steps are left out, the list contains a text that
-    names the missing steps. If no steps are left out, the list is empty.
+    Indices of the chosen steps, and a list of sentences for the log. If steps are left out, the list contains one
+    sentence that names them; otherwise it is empty.
     """
     size_of_step = sum(_BYTES_PER_VALUE * values[0].size for _, values in _fields_in_memory(run))
     if not size_of_step:
@@ -115,7 +115,7 @@ def write_fields(run: Results, steps: Indices, folder: Path) -> list[Path]:
 
 
 def read_pixels(run: Results, name: str, step: int, cell: Shape | None = None) -> xarray.DataArray:
-    """Return a field over the pixels at one load step, from memory or from the folder of the results.
+    """Return a pixel field at one load step, from memory or from the folder of the results.
 
     The field is taken from the two-scale study or, in a run without a two-scale study, from the deterministic study.
 
@@ -124,7 +124,7 @@ def read_pixels(run: Results, name: str, step: int, cell: Shape | None = None) -
     run : Results
         Results of a run.
     name : str
-        Name of the field: "gap", "contact_pressure", "fluid_pressure", or another field over pixels that a study
+        Name of the field: "gap", "contact_pressure", "fluid_pressure", or another pixel field that a study
         computes.
     step : int
         Index of the load step.
@@ -170,7 +170,7 @@ def read_pixels(run: Results, name: str, step: int, cell: Shape | None = None) -
 
 
 def stored_steps(run: Results) -> list[int]:
-    """Return the indices of the steps whose fields over the pixels are in memory or in the results folder."""
+    """Return the indices of the steps whose pixel fields are in memory or in the results folder."""
     if _fields_in_memory(run):
         return list(range(run.dataset.sizes["step"]))
     return [] if run.folder is None else list(vtk_files.stored_images(run.folder, NAME))
@@ -252,7 +252,7 @@ def export_field(
     ------
     InputError
         The field or the format is unknown, or the step, the cell or the window does not exist. InputError is also
-        raised if the results have no fields over pixels, or if a file cannot be written.
+        raised if the results have no pixel fields, or if a file cannot be written.
     """
     path = Path(path)
     if field not in FIELDS:

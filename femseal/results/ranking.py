@@ -69,7 +69,7 @@ class Ranking:
         return int(np.nanargmin(self.leakage))
 
     def sentence(self) -> str:
-        """Say which run leaks least, and which runs have intervals that overlap the interval of this run."""
+        """Say which run leaks least, and which runs have intervals that overlap its interval."""
         best = self.best
         if best is None or np.isfinite(self.leakage).sum() < 2:
             return ""
@@ -93,7 +93,7 @@ class Ranking:
 
 
 def _listed(names: list[str], largest_count: int = 5) -> str:
-    """Join names to a text; of many names, only the first names and the number of the remaining names are given."""
+    """Join names into one string; of a long list, give only the first names and the number of the others."""
     if len(names) > largest_count:
         first_names = ", ".join(names[:largest_count])
         return f"{first_names} and {len(names) - largest_count} more"

@@ -220,7 +220,7 @@ class Results(Plotted):
 
     @property
     def open_steps(self) -> list[int]:
-        """Indices of the steps at which the surfaces are separated, because the fluid carries the whole load."""
+        """Indices of the steps where the surfaces are separated, because the fluid carries the whole load."""
         return best_leakage.open_steps(self.dataset)
 
     def loading(self) -> xarray.Dataset:
@@ -231,7 +231,7 @@ class Results(Plotted):
     def unloading(self, from_: float | str | None = None) -> xarray.Dataset:
         """Return the variables of the load steps on unloading, with the nominal pressure [Pa] as their dimension.
 
-        The variables begin with the step on loading at which the unloading begins.
+        The first value of each variable belongs to the step on loading from which the seal is unloaded.
 
         Parameters
         ----------
@@ -322,12 +322,12 @@ class Results(Plotted):
         return data[names].isel({row_dim: row, column_dim: column})
 
     def piece(self, i: int, j: int) -> xarray.Dataset:
-        """Return the variables of a cell of the face, under the former name of the method `cell`."""
+        """Return the variables of a cell of the face (former name of `cell`)."""
         warnings.warn("Results.piece is Results.cell now", DeprecationWarning, stacklevel=2)
         return self.cell(i, j)
 
     def pixels(self, name: str, step: int, cell: Shape | None = None) -> xarray.DataArray:
-        """Return a field over the pixels (x1, x2) at a load step in SI units, see `pixel_fields.read_pixels`."""
+        """Return a pixel field (x1, x2) at a load step in SI units, see `pixel_fields.read_pixels`."""
         return display_package("results").read_pixels(self, name, step, cell)
 
     def gap(self, step: int, cell: Shape | None = None) -> xarray.DataArray:
@@ -344,7 +344,7 @@ class Results(Plotted):
 
     @property
     def stored_steps(self) -> list[int]:
-        """Indices of the steps whose fields over the pixels are available in memory or in the folder."""
+        """Indices of the steps whose pixel fields are available in memory or in the folder."""
         return display_package("results").stored_steps(self)
 
     # --- tables, pictures and files -------------------------------------------------------------------------------
@@ -379,7 +379,7 @@ class Results(Plotted):
         return display_package("plots").shown(display_package("plots").cells_figure(self))
 
     def plot_pieces(self) -> Any:
-        """Plot the permeability of the cells, under the former name of the method `plot_cells`."""
+        """Plot the permeability of the cells (former name of `plot_cells`)."""
         warnings.warn("plot_pieces is plot_cells now", DeprecationWarning, stacklevel=2)
         return self.plot_cells()
 
@@ -392,7 +392,7 @@ class Results(Plotted):
         return display_package("report").write_report(self, path)
 
     def export(self, path: AnyPath, **options: Any) -> list[Path]:
-        """Write a field over the pixels to files that other programs can read, see `pixel_fields.export_field`."""
+        """Write a pixel field to files that other programs can read, see `pixel_fields.export_field`."""
         return display_package("results").export_field(self, path, **options)
 
     def __repr__(self) -> str:

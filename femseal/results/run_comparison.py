@@ -59,7 +59,7 @@ class RunComparison(Plotted):
     keys : tuple of str
         Keys of the case that a sweep has varied; empty if the runs are not from a sweep.
     settings : tuple of tuple of str
-        Values of the varied keys as texts; a tuple for each run.
+        Values of the varied keys as strings; a tuple for each run.
     """
 
     names: tuple[str, ...]
@@ -96,7 +96,7 @@ class RunComparison(Plotted):
         return budget.lower / self._factor(run), budget.upper / self._factor(run)
 
     def _factor(self, run: int) -> float:
-        """Return the leakage per unit seal length [m²/s] of a run that corresponds to a leakage of 1 in `unit`."""
+        """Return the factor [m²/s] that converts a leakage in `unit` to the leakage per unit seal length of a run."""
         return self.runs[run].leak_basis.factor(self.unit)
 
     @property
@@ -107,7 +107,7 @@ class RunComparison(Plotted):
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Labels of the runs, made from the settings that differ in a sweep, or equal to the names of the runs."""
+        """Labels of the runs, which are the settings that differ in a sweep, or else the names of the runs."""
         if not self.keys:
             return self.names
         varied = []  # for each key whose values differ, a text for each run
@@ -167,7 +167,7 @@ class RunComparison(Plotted):
         xarray.Dataset
             Every numerical variable that has one value for each load step in all runs. The dimensions are `run` and
             `step`. For a sweep over all combinations of the values of several keys, the dimensions are the keys of the
-            sweep and `step`. The values of a key are numbers if all values can be read as numbers, and texts otherwise.
+            sweep and `step`. The values of a key are numbers if all values can be read as numbers, otherwise strings.
 
         Raises
         ------
@@ -197,7 +197,7 @@ class RunComparison(Plotted):
         return self._over_keys(combined)
 
     def _over_keys(self, combined: xarray.Dataset) -> xarray.Dataset:
-        """Replace the dimension `run` by the keys of a sweep, if the runs are all combinations of their values."""
+        """Replace the dimension `run` by the keys of a sweep, if the runs cover all combinations of the key values."""
         # values of each key in all runs
         columns = [_numbers_if_possible(texts) for texts in zip(*self.settings, strict=True)]
         n_combinations = prod(len(set(values)) for values in columns)
@@ -246,7 +246,7 @@ class RunComparison(Plotted):
         return TextTable.of_columns(self.label, columns, names=name_columns, notes=notes)
 
     def _leakage_texts(self, run: int) -> list[str]:
-        """Return a text for each load step of a run with its leakage, and the 95 % interval if it is known."""
+        """Return a string for each load step of a run with its leakage, and the 95 % interval if it is known."""
         results, factor = self.runs[run], self._factor(run)
         budget = results.budget
         texts = leakage_texts(results, factor)
@@ -262,7 +262,7 @@ class RunComparison(Plotted):
         return with_intervals
 
     def _compared_steps(self) -> list[tuple[str, list[int]]]:
-        """Choose the load steps at which the table gives the leakage.
+        """Choose the load steps whose leakage is shown in the table.
 
         Returns
         -------
@@ -289,9 +289,9 @@ class RunComparison(Plotted):
     def ranking(self) -> Ranking | None:
         """Ranking of the runs by their leakage at a load on loading that all runs have in common.
 
-        The load of the ranking is the highest common load at which at least two runs leak. If no common load has two
-        leaking runs, the runs are ranked at the highest common load. The ranking is None if the runs have no load on
-        loading in common.
+        The load of the ranking is the highest common load at which at least two runs leak. If there is no common load
+        at which at least two runs leak, the runs are ranked at the highest common load. The ranking is None if the runs
+        have no load on loading in common.
         """
         step = self._ranked_step
         return None if step is None else self._ranking_at(step)
@@ -464,7 +464,7 @@ def _common_unit(runs: Sequence[Results]) -> LeakUnit:
 
 
 def _pressure(step: LoadStep) -> float:
-    """Return the pressure of a load step, to sort load steps by their pressure."""
+    """Return the pressure of a load step, which serves to sort load steps."""
     return step.pressure
 
 
@@ -487,7 +487,7 @@ def _with_numbers(names: Sequence[str | Path | None]) -> tuple[str, ...]:
 
 
 def _numbers_if_possible(texts: Sequence[str]) -> list[Any]:
-    """Convert texts to numbers; return the texts unchanged if a text is not a number."""
+    """Convert strings to numbers; if any of them is not a number, return all strings unchanged."""
     try:
         return [float(text) for text in texts]
     except ValueError:

@@ -1,4 +1,4 @@
-"""Give access to the pictures of a run, for example `results.plot.cells()` or `results.plot.seal(step=3)`."""
+"""Plot the results of a run, for example by `results.plot.cells()` or `results.plot.seal(step=3)`."""
 
 from __future__ import annotations
 

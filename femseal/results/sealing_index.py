@@ -349,8 +349,8 @@ def sealing_indices(
     Raises
     ------
     InputError
-        The pressure differs over the seal, the seal is a mesh, the fluid is unknown, or the seal leaks at fewer than
-        two loads, both on loading and on unloading.
+        The pressure differs over the seal, the seal is a mesh, the fluid is unknown, or neither loading nor unloading
+        has two loads where the seal leaks.
     """
     if isinstance(nominal_diameter, str):
         nominal_diameter = to_si(nominal_diameter, "m", "nominal_diameter")
@@ -443,7 +443,7 @@ class _Seal:
             self.has_interval = True
 
     def leaking_steps(self, unloaded_from: float | None) -> Indices:
-        """List the load steps at which the leakage is known and above 0, from the highest load to the lowest.
+        """List the load steps where the leakage is known and above 0, from the highest load to the lowest.
 
         Parameters
         ----------
@@ -527,7 +527,7 @@ class _Seal:
 
 
 def equivalent_width(results: Results) -> float:
-    """Return the width w [m] of a straight seal with the leakage per unit length of the seal of a run.
+    """Return the width w [m] of the straight seal that leaks as much per unit length as the seal of a run.
 
     The leakage per unit length of a straight seal is q = k D/w, see the module. For a strip, w is the width of the
     strip. For a ring with the inner radius r_i, the outer radius r_o and the mean radius r, the width of the equivalent

@@ -1,4 +1,4 @@
-"""Make tables and short summaries of results, to be read or to be used in spreadsheets."""
+"""Make tables and short summaries of results, for reading or for use in spreadsheets."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ def _load_columns(data: xarray.Dataset) -> list[Column]:
 
 
 def _value_texts(variable: xarray.DataArray, factor: float) -> list[str]:
-    """Convert the values of a variable at all load steps to texts.
+    """Convert the values of a variable at all load steps to strings.
 
     A leakage is divided by `factor`, the leakage [m²/s] that has the value 1 in the unit of the table. A fraction is
     given in per cent.
@@ -208,13 +208,13 @@ def leakage_texts(run: Results, factor: float) -> list[str]:
     Parameters
     ----------
     run : results of a run.
-    factor : leakage per unit seal length [m²/s] that has the value 1 in the unit of the texts.
+    factor : leakage per unit seal length [m²/s] that has the value 1 in the unit of the table.
     """
     return _with_open_steps(run, _value_texts(run.leakage, factor))
 
 
 def _with_open_steps(run: Results, texts: Iterable[str]) -> list[str]:
-    """Replace "failed" by "open" at the steps at which the fluid carries the whole load."""
+    """Replace "failed" by "open" at the steps where the fluid carries the whole load."""
     texts = list(texts)
     for step in run.open_steps:
         if texts[step] == "failed":
@@ -241,7 +241,7 @@ def class_unit(run: Results) -> LeakUnit:
 
 
 def leakage_of(run: Results) -> str:
-    """Name the kind of leakage that tables show, with the seal length for the leakage of the whole seal."""
+    """Describe the leakage that tables show: per unit length, or of the whole seal with its length."""
     text = kind_of(run.leak_unit)
     return text if run.leak_unit.per_length else f"{text}, {to_text(run.leak_basis.length, 'm')},"
 
@@ -377,7 +377,7 @@ def attempts_table(attempts: dict[str, Any]) -> TextTable:
 
 
 def as_chosen(case: dict[str, Any], attempts: dict[str, Any] | None) -> dict[str, Any]:
-    """Return a copy of a case with the settings that the last attempt to reach the requested accuracy used.
+    """Return a copy of a case with the settings of the last attempt to reach the requested accuracy.
 
     Parameters
     ----------
@@ -395,7 +395,7 @@ def as_chosen(case: dict[str, Any], attempts: dict[str, Any] | None) -> dict[str
 
 
 def half_width_text(attempt: dict[str, Any]) -> str:
-    """Format the half-width of the 95 % interval of ln(leakage) after an attempt, with infinity for unknown."""
+    """Format the half-width of the 95 % interval of ln(leakage) after an attempt, as infinity if unknown."""
     width = attempt["half_width"]
     return format_deviation(inf if width is None else width)
 
@@ -422,7 +422,7 @@ def summary_html(run: Results) -> str:
 
 
 def contents(run: Results) -> dict[str, str]:
-    """Return the main results as texts; the keys are the names of the results."""
+    """Return the main results as strings, by the names of the results."""
     steps = run.steps
     unit, factor = run.leak_scale
     leakage_at_peak = run.leakage.values[run.peak]

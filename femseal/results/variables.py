@@ -316,7 +316,7 @@ def add_budgets(data: xarray.Dataset, budgets: Mapping[str, ErrorBudget]) -> Non
     Parameters
     ----------
     data : dataset that is extended.
-    budgets : error budget of each method, by the name of the method in names of variables, such as "two_scale".
+    budgets : error budget of each method, keyed by the name that the method has in variable names, such as "two_scale".
     """
     if not budgets:
         return

@@ -6,8 +6,8 @@ the module `verdict_text` puts the required load into words.
 
 Between load steps, ln(leakage) is interpolated linearly in ln(pressure). Interpolation is impossible if the seal is
 sealed at one of the two steps, or if one of the two loads is zero. If interpolation is impossible, the load of the step
-that meets the limit is taken as the required load. The leakage is not extrapolated to loads outside the load cycle. A
-required load outside the load cycle is only known to be above the highest load or below the lowest load.
+that meets the limit is taken as the required load. The leakage is not extrapolated to loads outside the load cycle. If
+a required load lies outside the load cycle, it is only known to be above the highest load or below the lowest load.
 
 A leakage class is regarded as not met at a load at which the computation failed or the fluid carries the whole load. A
 class is also regarded as not met if the computed leakage is zero, but its 95 % interval has no upper bound.
@@ -83,7 +83,7 @@ class NeededPressure:
 
     @property
     def relation(self) -> str:
-        """Sign between the required pressure and `bound(value)`, which is "=" only if this pressure is known."""
+        """Sign between the required pressure and `bound(value)`, "=" if it is known and otherwise ">" or "<="."""
         if self.value == inf:
             return ">"
         return "<=" if self.value == 0 else "="
@@ -362,7 +362,7 @@ class Verdict:
         Name of the error source with the widest interval at the load `vague_load`, and the action that reduces this
         error.
     failed : tuple of str
-        Names of the load steps at which the computation failed.
+        Names of the load steps where the computation failed.
     """
 
     name: str

@@ -56,8 +56,9 @@ def verdict_paragraphs(
     Returns
     -------
     list of list of str
-        Paragraphs, each of which is a list of sentences. The first paragraphs are about the classes, one paragraph for
-        each class. Paragraphs about the leakage, measures, the accuracy and hints follow, if there is something to say.
+        Paragraphs, each of which is a list of sentences. The leakage classes come first, with one paragraph each.
+        Where there is something to say, further paragraphs follow on the leakage, possible improvements, the accuracy
+        and hints.
     """
     if verdicts is None:
         verdicts = verdicts_of(results)
@@ -96,7 +97,7 @@ class _Answer:
     """Write the sentences about a run, based on its leakage curve and its assembly load."""
 
     def __init__(self, results: Results) -> None:
-        """Read what several sentences need: leakage curve, assembly load, and fluid of the leakage classes."""
+        """Collect what several sentences need: leakage curve, assembly load, and fluid of the leakage classes."""
         self.results = results
         self.curve = LeakageCurve.of_results(results)
         self.load_text = loads_as_given(results.dataset, 3)
@@ -167,8 +168,8 @@ class _Answer:
     def about_class(self, verdict: Verdict, count: int) -> Paragraph:
         """Say whether a class is met, how much the seal leaks at the assembly load, and which load the class requires.
 
-        `count` is the number of classes in the verdict. With more than `_MOST_IN_SENTENCES` classes, the sentences on
-        the required loads are left out, because the table of the verdict contains the required loads.
+        `count` is the number of classes in the verdict. With more than `_MOST_IN_SENTENCES` classes, the sentences omit
+        the required loads, which are listed in the table.
         """
         is_described = count <= _MOST_IN_SENTENCES
         sentences = verdict_sentences(verdict, self.load_text, whole=is_described)
@@ -183,7 +184,7 @@ class _Answer:
         return [sentences[0], f"{leakage}.", *sentences[1:], *self._after_relaxation(verdict)]
 
     def _after_relaxation(self, verdict: Verdict) -> list[str]:
-        """Say which assembly load a class requires, if the case states which fraction of it is lost in service."""
+        """Say which assembly load a class requires, if the case states that a fraction of it is lost in service."""
         relaxation = (self.results.case.get("load") or {}).get("relaxation") or 0.0
         if not relaxation:
             return []
@@ -369,7 +370,7 @@ def _about_accuracy(results: Results) -> Paragraph:
 
 
 def _hints(results: Results, verdicts: Sequence[Verdict]) -> Paragraph:
-    """Name keys of the case that would add missing parts to the verdict."""
+    """Name the keys that could be added to the case for a more complete verdict."""
     hints = []
     if results.budget is None:
         hints.append("The run has no error budget; output.budget = true gives the interval.")
@@ -452,10 +453,10 @@ def verdict_table(
     verdicts : sequence of Verdict
         Verdicts, at least one.
     more : iterable
-        Additional columns, each as a pair of its heading and its texts.
+        Additional columns, each a pair of the heading and the list of strings below it.
     names : (str, str)
-        Beginnings of two kinds of headings: for the load that is required to meet a class on loading, and for the
-        lowest load on unloading at which a class is still met. The characters {} in the second text are replaced by the
+        First words of two column headings: one for the load required to meet a class on loading, the other for the
+        lowest load on unloading at which it is still met. The placeholder {} in the second heading is replaced by the
         load from which the seal is unloaded.
     """
     load_text = short_loads(results)
@@ -491,7 +492,7 @@ def _limit_texts(results: Results, verdicts: Sequence[Verdict]) -> list[str]:
 
 
 def _remaining_width(lower: float, upper: float, new_lower: float, new_upper: float) -> float:
-    """Compute the width of a new interval of ln(leakage), divided by the width of the present interval of ln(leakage).
+    """Compute the ratio of the width of a new interval of ln(leakage) to the width of the present one.
 
     The ratio is 0 if the new or the present interval has no finite width.
     """

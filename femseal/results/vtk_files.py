@@ -1,8 +1,8 @@
 """Write results to files for ParaView, in the XML formats of VTK, which every version of ParaView opens.
 
-Each load step has a file, and a `.pvd` file lists the files of all load steps with their times. The time of a file is
-the index of the load step, because a load can occur on loading and on unloading. The nominal pressure of the load step
-is stored in each file as field data.
+Each load step has a file, and a `.pvd` file lists the files of all load steps with their times. The index of the load
+step serves as the time of a file, because the same load can occur both on loading and on unloading. The nominal
+pressure of the load step is stored in each file as field data.
 
 pyvista writes the data sets with compression. Images are written as raw bytes, which take a quarter less space than
 base64 text. Meshes are written in base64, because meshio 5.3 mixes up the arrays of some files with raw bytes. This
@@ -126,7 +126,7 @@ class Cells:
 
 
 def _heights(surface: Surface) -> Any:
-    """Make a VTK image of the heights of the face; as data at points, they allow ParaView to warp the image."""
+    """Make a VTK image of the heights of the face, stored as point data so that ParaView can warp the image."""
     import pyvista
 
     d1, d2 = surface.spacing
@@ -144,7 +144,7 @@ def _heights(surface: Surface) -> Any:
 def write_series(
     name: str, data_set_at: Callable[[int], Any], steps: Iterable[int], folder: Path
 ) -> list[Path]:
-    """Write the data sets of several load steps, and a file `.pvd` that lists them.
+    """Write one data set per load step, and a `.pvd` file that lists them.
 
     Parameters
     ----------
@@ -317,7 +317,7 @@ def _edges(centres: Array) -> list[float]:
 
 
 def _realisation(data: xarray.Dataset) -> Cells:
-    """Return the tiles of the realisation with the leakage nearest to the median, with all fields over tiles."""
+    """Return the tiles of the realisation whose leakage is closest to the median, with all their fields."""
     step_count = data.sizes["step"]
     cell_data = {}
     for variable in data.data_vars.values():

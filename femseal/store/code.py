@@ -94,8 +94,8 @@ class CodeDescription:
 def is_known(module: str) -> bool:
     """Return whether the name and the version of a module identify its code.
 
-    Modules of Python, of femseal and of installed packages are identified by name and version. A package that is
-    installed in editable mode is not identified by name and version.
+    Modules of Python, of femseal and of installed packages are identified by name and version. Name and version do not
+    identify a package installed in editable mode.
     """
     return _origin(module) is not None
 
@@ -194,7 +194,7 @@ def _describe_function(function: types.FunctionType) -> Any:
 
 
 def _describe_bytecode(code: types.CodeType) -> Any:
-    """Describe a code object, without file name and line numbers, which do not influence the results of the code."""
+    """Describe a code object without its file name and line numbers, which have no effect on its results."""
     numbers = [code.co_argcount, code.co_posonlyargcount, code.co_kwonlyargcount, code.co_flags]
     names = [code.co_names, code.co_varnames, code.co_freevars, code.co_cellvars]
     return "bytecode", code.co_code, code.co_exceptiontable, numbers, names, code.co_consts
@@ -240,8 +240,8 @@ def _state(value: Any) -> list[Any]:
 def _values_used(function: types.FunctionType) -> dict[str, Any]:
     """Return the values, by name, that a function uses from enclosing functions and from its module.
 
-    If the function uses another module of the user, the attributes of this module that the function may use are
-    returned as well. Variables without a value are left out, because using such a variable raises an error anyway.
+    If the function uses another user-written module, the attributes of that module that it may use are returned as
+    well. Variables without a value are left out, because using such a variable raises an error anyway.
     """
     values = {}
     for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):

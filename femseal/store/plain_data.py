@@ -1,6 +1,6 @@
 """Convert plain data to bytes and back, without pickle.
 
-Plain data are None, numbers, texts, bytes and arrays of numbers, and also tuples, lists, dictionaries and dataclasses
+Plain data are None, numbers, strings, bytes and arrays of numbers, and also tuples, lists, dictionaries and dataclasses
 of femseal that contain plain data.
 
 Plain data are converted to a sequence of three parts: the length of a JSON text, the JSON text, and the content of all
@@ -76,10 +76,10 @@ def unpacked(data: bytes | memoryview) -> Any:
 def describe(
     value: Any, append: Callable[[bytes], int], substitute: Callable[[Any], Any] | None = None
 ) -> Any:
-    """Describe a value by nested lists of numbers and texts, which can be written as JSON.
+    """Describe a value by nested lists of numbers and strings, which can be written as JSON.
 
-    Numbers, texts and None are their own descriptions. The description of any other value is a list, which contains the
-    name of its type and the descriptions of its members.
+    Numbers, strings and None are their own descriptions. The description of any other value is a list, which contains
+    the name of its type and the descriptions of its members.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def _restore(description: Any, content: memoryview) -> Any:
 
 
 def _array_in(content: memoryview, dtype: str, shape: Any, order: Any, start: int) -> Any:
-    """Return the array whose numbers begin at byte `start`; raise TypeError if the content is too short."""
+    """Return the array whose data start at byte `start`; raise TypeError if the content is too short."""
     numbers = np.dtype(dtype)
     if numbers.kind not in _NUMBERS or min((start, *shape)) < 0:
         raise ValueError(f"not an array of numbers: {numbers}, {shape}, {start}")

@@ -237,7 +237,7 @@ class Store:
             log.warning("results are not kept any more: %s", error)
 
     def _append(self, *parts: bytes) -> _Record:
-        """Append a record to the results file of this process. After an error, the file is the same as before."""
+        """Append a record to the results file of this process. If an error occurs, the file is left as it was."""
         if self._file is None:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._file = self._files.enter_context(self._path.open("xb", buffering=0))

@@ -58,7 +58,7 @@ class Variation:
     setting : str
         Text with the changed keys and their values, for tables and messages.
     values : tuple of str
-        Values of the changed keys as texts.
+        Values of the changed keys as strings.
     case : Case
         Case in which the keys have the changed values.
     """
@@ -96,8 +96,8 @@ def sweep(
         Case file.
     keys : mapping of sequences
         Values of dotted keys, such as {"material.hardness": ["3 GPa", "4 GPa"], "cells.count": [[4, 8], [8, 16]]}.
-        A quantity is given as a text with a unit, as in the case file. A number in a key counts tables of the same name
-        from 0: the key "face.0.pitch" is the pitch of the first face.
+        A quantity is given as a string with a unit, as in the case file. A number in a key is the index, from 0, of a
+        table among the tables of the same name: the key "face.0.pitch" is the pitch of the first face.
     output : path
         Folder for `sweep.csv`, `sweep.png` and the results folders of the cases; created if it does not exist.
     resume : bool
@@ -208,9 +208,9 @@ def _check_before_run(
 
 
 def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
-    """Parse texts that assign values to keys, such as "material.hardness=3GPa,4GPa".
+    """Parse strings that assign values to keys, such as "material.hardness=3GPa,4GPa".
 
-    Values are written as in TOML, but a text outside of a list needs no quotes: 3GPa means "3GPa".
+    Values are written as in TOML, but a string outside of a list needs no quotes: 3GPa means "3GPa".
 
     Parameters
     ----------
@@ -225,7 +225,7 @@ def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
     Raises
     ------
     InputError
-        A text has no "=", a key has no values, or a key is given twice.
+        A string has no "=", a key has no values, or a key is given twice.
 
     Examples
     --------
@@ -250,7 +250,7 @@ def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
 
 
 def _parse_values(text: str) -> list[Any]:
-    """Parse values that are separated by commas. A value may be a TOML value, or a text without quotes."""
+    """Parse values that are separated by commas. A value may be a TOML value, or a string without quotes."""
     try:
         return list(tomllib.loads(f"values = [{text}]")["values"])
     except (tomllib.TOMLDecodeError, RecursionError):
@@ -347,7 +347,7 @@ def with_setting(error: InputError, setting: str) -> InputError:
 
 
 def short_names(keys: Sequence[str]) -> tuple[str, ...]:
-    """Shorten dotted keys to as many of their last parts as are needed to distinguish the keys.
+    """Shorten dotted keys, in whole parts, to the shortest endings that still tell them apart.
 
     Examples
     --------
@@ -356,7 +356,7 @@ def short_names(keys: Sequence[str]) -> tuple[str, ...]:
     """
 
     def shorten(key: str) -> str:
-        """Return the shortest sequence of last parts with which no other key ends."""
+        """Return the shortest ending of a key, in whole parts, that no other key shares."""
         parts = key.split(".")
         for count in range(1, len(parts) + 1):
             ending = ".".join(parts[-count:])
