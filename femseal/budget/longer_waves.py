@@ -59,7 +59,7 @@ class DrawnForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wave that the form deviation has in common with the patch [m]; always inf, as they share no wave."""
+        """Shortest wave present in both the form deviation and the patch [m]; always inf, because there is none."""
         return np.inf
 
     def heights(self, points: Array, frame: Frame) -> Array:

@@ -211,7 +211,7 @@ def add_patches(
 
 
 def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> None:
-    """Add block averages of the fields that a study declares over the pixels.
+    """Average the pixel fields that a study declares over blocks of pixels, and add the averages to the dataset.
 
     The fields with all pixels would be too large for the dataset.
     """

@@ -235,8 +235,8 @@ def _parse_length(text: str, lateral_unit: float | None) -> float | None:
 def _read_zygo(header: Header, lines: Sequence[str]) -> None:
     """Set the units of an XYZ export of Zygo.
 
-    An XYZ export of Zygo contains heights in micrometres, and the numbers of pixels as coordinates. The seventh number
-    of the eighth line is the pixel size [m], or 0 if the camera is not calibrated.
+    An XYZ file exported by Zygo software contains heights in micrometres, and pixel indices as coordinates. The
+    seventh number of the eighth line is the pixel size [m], or 0 if the camera is not calibrated.
     """
     header.unit = 1e-6
     numbers = lines[7].split() if len(lines) > 7 else []
