@@ -3,7 +3,7 @@
 plausibility     Warnings about a scene and its solution. Every study calls `result_warnings`.
 quick_estimate   Contact and leakage from the spectrum of the surface alone.
 flow_limits      Warnings about flow outside of the model: choked flow, inertia, gases that are not ideal.
-limited_ratios   Warnings if the median of stochastic seals is a limit, because a ratio of leakages was limited.
+limited_ratios   Warnings if a limit on a leakage ratio determines the median of stochastic seals.
 coatings         Warnings if a coating is thin compared with roughness, plastic deformation or contact patches.
 form_effect      Effects of the curvature and of the longest waves of a measured patch on its leakage.
 """

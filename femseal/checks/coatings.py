@@ -72,13 +72,13 @@ def coating_depth_warnings(scene: Scene, plastic_depth: Array | None) -> Iterato
 
 
 def constrained_hardness_ratio(edge_distance: float, thickness: float) -> float:
-    """Bound by how much hard bodies on both sides raise the hardness of a soft coating.
+    """Estimate an upper bound of the factor by which hard bodies on both sides raise the hardness of a soft coating.
 
-    The coating sticks to both bodies. On its way to the edge of a contact patch, squeezed material must overcome the
-    shear stress k on both faces, so that the pressure rises by 2k/d per length. For a patch of any shape, the mean
-    pressure is therefore 2k (1 + δ/d), with the mean distance δ of the points from the edge, the thickness d and
-    2k = (2/√3) σ_y. For strips of width w, δ = w/4 (slab method; Hosford & Caddell, Metal Forming, section 9.11). The
-    ratio refers to the hardness 2.8 σ_y without constraint, and is at least 1.
+    The coating sticks to both bodies. As the material is squeezed towards the edge of a contact patch, it must overcome
+    the shear stress k on both faces, so that the pressure rises by 2k/d per unit length. For a patch of any shape, the
+    mean pressure is therefore 2k (1 + δ/d), where δ is the mean distance of the points from the edge, d the thickness
+    and 2k = (2/√3) σ_y. For strips of width w, δ = w/4 (slab method; Hosford & Caddell, Metal Forming, section 9.11).
+    The ratio is taken relative to the unconstrained hardness 2.8 σ_y, and is at least 1.
 
     Parameters
     ----------
@@ -133,7 +133,8 @@ def constraint_warnings(scene: Scene, leakage: Array, edge_distance: Array | Non
 def _soft_layer(scene: Scene) -> tuple[float, float]:
     """Return the thickness of the coatings that yield [m], and the hardness of the softer body beside them [Pa].
 
-    A coating yields if it is not harder than the contact law. The thickness is 0 if no coating yields.
+    A coating yields if its hardness does not exceed the yield pressure of the contact law. The thickness is 0 if no
+    coating yields.
     """
     hardness = float(np.min(scene.law.yield_pressure()))
     thickness, hardness_of_neighbour = 0.0, inf
@@ -159,7 +160,7 @@ def _hardness(solid: Solid | None) -> float:
 
 
 def _leakage_text(scene: Scene, leakage: Array, step: int, rise: float) -> str:
-    """Describe how much more leaks under a load that is `rise` times lower, by interpolation between loading steps."""
+    """Describe how the leakage grows when the load is divided by `rise`, interpolated between loading steps."""
     leaks = scene.steps.on_loading & (np.abs(leakage) > 0)
     if not leaks[step] or leaks.sum() < 2:
         return ""

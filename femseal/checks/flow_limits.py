@@ -49,7 +49,7 @@ def choked_flux(fluid: Fluid, pressure: float) -> float:
 
 
 def flow_warnings(scene: Scene, leakage: Array, mean_gap: Array) -> Iterator[str]:
-    """Warn if a gas flow would be choked, or if inertia is not negligible, at the load step where this is worst.
+    """Warn, for the worst load step, if a gas flow would be choked or if inertia is not negligible.
 
     Inertia is measured by the reduced Reynolds number (ρuh/η)(h/λ), with the density ρ, the mean velocity u and the
     viscosity η of the fluid, and the mean gap h. The product ρuh is the mass rate per length of seal. The length λ =

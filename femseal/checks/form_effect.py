@@ -3,8 +3,7 @@
 Contact and flow are solved for three versions of the patch on a coarse grid: the patch without its tilt, the patch
 without its curvature, and the patch without its longest waves. The grid has 128 points along the longer side of the
 patch. On the coarse grid, the patch has smaller slopes, so that it may be sealed at a pressure at which the original
-patch leaks. In this case, contact and flow are solved at a lower pressure, which is reduced in the same ratio as the
-slope.
+patch leaks. In this case, contact and flow are solved at a lower pressure, reduced in proportion to the slope.
 """
 
 from __future__ import annotations
@@ -55,7 +54,7 @@ class FormEffect:
         Radii of curvature along x1 and x2 [m]. If there are several patches, `height` and `radii` describe the
         curvature of the shortest patch.
     longest : float
-        Wavelength [m]; longer waves are removed from the third version of the patch.
+        Waves longer than this wavelength [m] are removed from the third version of the patch.
     loads : str
         Text that states the lowest and the highest pressure.
     """
@@ -100,15 +99,16 @@ class FormEffect:
         """Interpolate the effect of the curvature or of the long waves on the leakage at other nominal pressures.
 
         The effect is |ln(ratio of leakages)|, see `changes`. Between the computed pressures, the effect is interpolated
-        linearly over ln(pressure). Below the lowest and above the highest computed pressure, the effect is constant.
+        linearly in ln(pressure). Below the lowest and above the highest computed pressure, the effect is taken as
+        constant.
 
         Parameters
         ----------
         pressures : array, (steps,)
             Nominal pressures [Pa].
         long_waves : bool
-            False: return the effect of the curvature. True: return the effect of the curvature or the effect of the
-            long waves, whichever is larger.
+            If False, return the effect of the curvature. If True, return the larger of the effects of the curvature and
+            of the long waves.
 
         Returns
         -------

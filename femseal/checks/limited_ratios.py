@@ -1,4 +1,4 @@
-"""Warn if the median leakage of stochastic seals is a limit, because a ratio of leakages was limited."""
+"""Warn if a limit on a leakage ratio determines the median leakage of stochastic seals."""
 
 from __future__ import annotations
 
@@ -55,8 +55,8 @@ def limited_factor_warnings(
     median : array (steps,)
         Median leakage of the realisations [m²/s].
     states : LoadProgramme
-        Loads of the contact states. If they are not the load steps of the seal, but tabulated pressures, each load step
-        on loading takes the nearest state on loading, and load steps on unloading are not checked.
+        Loads of the contact states. If these are not the load steps of the seal but tabulated pressures, each load step
+        on loading is assigned the nearest state on loading; load steps on unloading are not checked.
     surface_leakage, cells_leakage : arrays (states,)
         Leakage of the surface, and of its grid of cells [m²/s].
     largest : float
@@ -89,7 +89,7 @@ def _is_limited(ratio: Array, largest: float) -> Flags:
 
 
 def _warn(steps: LoadProgramme, median: Array, is_limited: Flags, reason: str) -> Iterator[str]:
-    """Yield a warning that names the first load at which the median is a limit.
+    """Yield a warning that names the first load at which a limit determines the median.
 
     Loads whose leakage is too small for comparisons are left out.
     """

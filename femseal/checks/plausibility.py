@@ -69,7 +69,7 @@ def scene_warnings(scene: Scene) -> tuple[str, ...]:
 
 
 def line_contact_warnings(scene: Scene, row_pressure: Array) -> tuple[str, ...]:
-    """Warn if the form of a seal leads to a line contact whose pressure makes the bulk of the body yield.
+    """Warn if the form of a seal causes a line contact with a pressure at which the bulk of the body yields.
 
     Parameters
     ----------

@@ -137,13 +137,13 @@ def estimate_surface(
         Heights of the combined surfaces, without undefined points.
     modulus : float or pair of bodies
         Contact modulus E* [Pa], or the two bodies. The modulus of coated bodies depends on the wavelength. For coated
-        bodies, the root mean square of the modulus over all waves is used, with the mean square slope of each wave as
-        its weight. The reason is that Persson's theory contains the sum of (slope × modulus)² over all waves (Persson,
-        Surf. Sci. Rep. 61, 2006, 201, section 5).
+        bodies, the root mean square of the modulus over all waves is used, weighted by their mean square slope. The
+        reason is that Persson's theory contains the sum of (slope × modulus)² over all waves (Persson, Surf. Sci. Rep.
+        61, 2006, 201, section 5).
     hardness : float
         Hardness H [Pa], infinite for an elastic surface.
     pressures : sequence of float or array, (loads,)
-        Nominal pressures that the contact carries [Pa].
+        Nominal pressures supported by the contact [Pa].
     """
     patches = surface.patches
     junctions = np.full((len(patches), len(pressures), 3), nan)  # (patch, load, quantity)
@@ -224,7 +224,7 @@ def mean_modulus(scene: Scene) -> float:
     """Compute the contact modulus of a scene [Pa].
 
     The modulus of coated bodies depends on the wavelength. For coated bodies, return the root mean square of the
-    modulus over the waves of the surface, with the mean square slope of each wave as its weight.
+    modulus over the waves of the surface, weighted by their mean square slope.
     """
     if isinstance(scene.modulus, float):
         return scene.modulus
@@ -235,7 +235,7 @@ def mean_modulus(scene: Scene) -> float:
 
 
 def _mean_modulus(modulus: float | Bodies, wave_numbers: Array, mean_squares: Array) -> float:
-    """Compute the root mean square of the contact modulus [Pa] over waves, each weighted by its mean square slope.
+    """Compute the root mean square of the contact modulus [Pa] over waves, weighted by their mean square slope.
 
     wave_numbers : wave number of each wave [rad/m].
     mean_squares : mean square height of each wave [m²].
@@ -251,7 +251,7 @@ def _spectrum_in_bands(patch: Topography) -> tuple[Array, Array]:
     """Divide the radial spectrum of a patch into logarithmic bands.
 
     Returns a representative wave number [rad/m] and the mean square height [m²] of each band. The mean square heights
-    are scaled so that all bands together have the rms slope of the patch.
+    are scaled so that the bands together have the rms slope of the patch.
     """
     q, density = patch.radial_psd()
     starts = np.unique(np.geomspace(1, q.size, _BANDS).astype(int)) - 1  # first index of each band

@@ -96,9 +96,9 @@ def _fast_length(points: float) -> int:
 def _face_keys(drawing: Drawing, scale: float) -> dict[str, Any]:
     """Return the keys of [face] that describe the heights of the surface.
 
-    The ratios of the returned values to each other are typical of the machining process. All heights are roughly
-    estimated from the Ra or Rz of the drawing, and then multiplied by `scale`. The function `case_of_drawing` chooses
-    `scale` so that the surface has the Ra or Rz of the drawing.
+    The returned heights are in proportions typical of the machining process. All heights are roughly estimated from the
+    Ra or Rz of the drawing, and then multiplied by `scale`. The function `case_of_drawing` chooses `scale` so that the
+    surface has the Ra or Rz of the drawing.
     """
     # estimate of Rz; the factors below are typical ratios of each height to Rz for the machining process
     height = drawing.rz or _RZ_OVER_RA * (drawing.ra or 0.0)
@@ -223,8 +223,8 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
 def _coating(plating: Plating, hardness_is_typical: bool) -> dict[str, Any]:
     """Return the table of a plating.
 
-    The name of the metal stands in the table only if the hardness is the typical one of this metal: platings are often
-    much harder, and a case warns of a hardness that is not typical of the name.
+    The table contains the name of the metal only if the hardness is typical of this metal. Platings are often much
+    harder, and a case warns of a hardness that is not typical of the named metal.
     """
     thickness = to_text(plating.thickness, "m", 5)
     hardness = to_text(plating.hardness, "Pa", 3)

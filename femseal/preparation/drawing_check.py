@@ -66,9 +66,9 @@ def _roughness(case: Case, surface: Surface) -> ProfileRoughness | None:
 def spacing_of_periodic_marks(face: Face) -> float | None:
     """Return the spacing [m] of the machining marks of a face, or None if the profile across the marks is irregular.
 
-    The spacing determines the long-wave filter in the measurement of Ra and Rz. By the standards, the filter for a
-    periodic profile, such as the profile of a turned face, is chosen by the spacing of the marks. The filter for an
-    irregular profile, such as the profile of a ground face, is chosen by the roughness.
+    The spacing determines the long-wave filter in the measurement of Ra and Rz. According to the standards, the filter
+    for a periodic profile (for example of a turned face) depends on the spacing of the marks. For an irregular profile
+    (for example of a ground face), the filter depends on the roughness.
     """
     if isinstance(face, TurnedFace) and face.feed_error < _IRREGULAR:
         return face.pitch

@@ -76,7 +76,7 @@ class Drawing:
     ra, rz : float or None
         Roughness Ra or Rz [m]. Exactly one of the two values is given.
     process, lay : str
-        Process that made the surface, one of `_PROCESSES`; direction of the machining marks, one of `_LAYS`.
+        Machining process, one of `_PROCESSES`, and direction of the machining marks, one of `_LAYS`.
     pitch : float
         Feed per revolution, or mean spacing of the machining marks [m].
     inner_diameter, outer_diameter : float
@@ -114,7 +114,7 @@ class Drawing:
 
     @property
     def surface_hardness(self) -> float:
-        """Hardness at the surface of the softer face [Pa], which is the hardness of the plating if the face has one."""
+        """Hardness at the surface of the softer face, or of its plating if it has one [Pa]."""
         return self.hardness if self.plating is None else self.plating.hardness
 
     @property
@@ -293,7 +293,7 @@ def _positive(name: str, text: str, unit: str) -> float:
 def _hardness(name: str, texts: dict[str, str], metal: str) -> float:
     """Return a hardness [Pa], or the typical hardness of a metal if the user gave none.
 
-    The text of the user is a pressure with a unit, or a Vickers hardness such as "45 HV".
+    The user gives a pressure with a unit, or a Vickers hardness such as "45 HV".
 
     name : key of the hardness in `texts`.
     """

@@ -1,7 +1,7 @@
 """Replace names of function arguments in error messages by keys of the case.
 
-Functions of the package raise errors with the names of their own arguments, such as "shape". The user of a case needs
-the name of the key in the case instead, such as "face.points".
+Functions of the package raise errors with the names of their own arguments, such as "shape". The user of a case must
+instead see the key of the case, such as "face.points".
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ SURFACE_KEYS = {
 
 
 def keys_of_table(table: str, names: str) -> dict[str, str]:
-    """Return the dotted key of the case for each argument, for keys with the same names as the arguments.
+    """Return, for each argument, the dotted key of the case that has the same name.
 
     table : name of the table of the case that contains the keys.
     names : names of the arguments, separated by spaces.

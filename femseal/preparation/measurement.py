@@ -25,8 +25,8 @@ def is_measured(case: Case, surface: Surface) -> bool:
 def form_check_pressures(case: Case, scene: Scene) -> tuple[float, ...]:
     """Choose the nominal pressures [Pa] at which the effect of the form deviation of a measured patch is computed.
 
-    The chosen pressures are up to four of the load steps on loading. No pressures are chosen if the case defines the
-    form deviation by the key `detrend`, by a seat, or by the form of the whole seal.
+    The chosen pressures are up to four of the load steps on loading. The result is empty if the case itself defines the
+    form deviation: by the key `detrend`, by a seat, or by the form of the whole seal.
     """
     loads = [pressure for pressure in scene.steps.loading if pressure > 0]
     defines_form = case.seat.kind != "flat" or bool(case.seal.form)

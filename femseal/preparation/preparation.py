@@ -75,7 +75,7 @@ class Prepared:
     form : FormTolerance or None
         Form deviations of seal and seat with their tolerances; None if seal and seat are flat.
     longest_waves : Representative or None
-        Longest waves of a measured patch and their number; None for a generated surface.
+        Longest waves of a measured patch, and how many of them fit into the patch; None for a generated surface.
     form_pressures : tuple of float, Pa
         Nominal pressures at which the effect of the form deviation of a measured patch on the leakage is computed;
         empty if the case defines the form.
@@ -184,8 +184,8 @@ class Prepared:
     def with_realisations(self, count: int) -> Prepared:
         """Return a copy of the input with the given number of realisations of the stochastic study.
 
-        Without a given number, the number of realisations depends on the scatter of the leakage, and therefore on the
-        fluid, the surface and the contact law. With a given number, two runs take the same cells in realisation n, so
+        If no number is given, the number of realisations depends on the scatter of the leakage, and therefore on the
+        fluid, the surface and the contact law. If a number is given, two runs take the same cells in realisation n, so
         that their leakages can be compared realisation by realisation.
         """
         if self.sampling is None:
@@ -200,10 +200,10 @@ class Prepared:
 
     @property
     def points_divide_by(self) -> Shape:
-        """Numbers by which the numbers of points along x1 and x2 must be divisible.
+        """Divisors of the numbers of points along x1 and x2.
 
         In the study by blocks, all cells must have the same number of points. The numbers of points must therefore be
-        divisible by the numbers of cells. Other studies accept any number of points: the divisors are 1.
+        divisible by the numbers of cells. Other studies accept any number of points; the divisors are then 1.
         """
         return self.cells if self.cells is not None and "blocks" in self.methods else (1, 1)
 
@@ -362,7 +362,7 @@ def _form_tolerance(
 
 @dataclass(frozen=True)
 class _Seal:
-    """Hold the size of the seal, on which the loads act, and how the shape of the seat enters the computation.
+    """Hold the size of the seal, and whether the shape of the seat is treated as a separate form deviation.
 
     Attributes
     ----------
@@ -371,9 +371,9 @@ class _Seal:
     size : (float, float)
         Width and length of the seal [m].
     form_is_separate : bool
-        How the shape of the seat enters the computation. If True, the seat is a form deviation of the whole seal, from
-        which the contact pressure of each tile is computed. If False, the heights of the seat are added to the heights
-        of the surface, and the cells of the seal have the same order as on the surface.
+        Whether the shape of the seat is treated as a separate form deviation. If True, the seat is a form deviation of
+        the whole seal, from which the contact pressure of each tile is computed. If False, the heights of the seat are
+        added to the heights of the surface, and the cells of the seal have the same order as on the surface.
     """
 
     sampling: Sampling | None
@@ -382,7 +382,7 @@ class _Seal:
 
 
 def _lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | None) -> _Seal:
-    """Determine the size of the seal, and how the shape of the seat enters the computation.
+    """Determine the size of the seal, and whether the shape of the seat is treated as a separate form deviation.
 
     Without a stochastic study, the seal has the size of the surface.
     """

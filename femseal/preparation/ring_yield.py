@@ -11,7 +11,7 @@ from ..materials import RING_YIELD
 
 
 def ring_yield_warnings(case: Case, highest_pressure: float) -> Iterator[str]:
-    """Warn if the nominal pressure is so high that a ring of the weaker solid yields as a whole between flat faces.
+    """Warn if the nominal pressure would make an entire ring of the weaker solid yield between flat faces.
 
     For a coated solid, the yield stress of the body below the coating is used, because the coating is too thin to be
     squeezed out. Cases with a seat are not checked here, because another check applies to line contacts.
@@ -50,7 +50,7 @@ def ring_yield_warnings(case: Case, highest_pressure: float) -> Iterator[str]:
 
 
 def _yield_stress_text(table: SolidTable) -> str:
-    """Return the yield stress of a solid as text, with the origin of a yield stress that the case does not give."""
+    """Return the yield stress of a solid as text, and say where the value comes from if the case does not give it."""
     text = f"its yield stress of {to_text(table.body_yield_stress, 'Pa', 3)}"
     if table.yield_stress is not None:
         return text

@@ -159,7 +159,7 @@ class _RepairedFaces:
     overlap : Overlap or None
         Overlap of the first patches of two faces; None for a single face.
     instrument : Instrument
-        Instrument that sees only the waves that the instruments of all maps see.
+        Instrument that resolves only the waves that the instruments of all maps resolve.
     notes : tuple of str
         Sentences on how the files were understood.
     """
@@ -246,11 +246,11 @@ def _pair_patches(
 def _add_pairs(
     case: Case, pairs: Sequence[tuple[RepairedMap, RepairedMap]]
 ) -> tuple[list[RepairedMap], Overlap]:
-    """Add the two maps of each pair of patches that are in contact, and repair the sums of the maps.
+    """For each pair of patches in contact, add the two maps and repair the result.
 
     pairs : for each pair of patches, a map of the first face and a map of the second face.
 
-    Returns the repaired sums of the maps, and the overlap of the two maps of the first pair.
+    Returns the summed and repaired maps, and the overlap of the two maps of the first pair.
     """
     second_face = case.face[1]
     placement = second_face.placement if isinstance(second_face, FileFace) else {}
@@ -309,7 +309,7 @@ def _treatment(case: Case, spikes: float, is_measured: bool) -> dict[str, Any]:
 def _joint_instrument(
     instruments: Sequence[Instrument], level_maps: Sequence[Topography]
 ) -> Instrument:
-    """Return an instrument that sees only the waves that the instruments of all maps see."""
+    """Return an instrument that resolves only the waves that all the given instruments resolve."""
     # largest of the shortest wavelengths that the instruments see; 0 if no instrument has a limit
     resolution = max(
         instrument.shortest_wave(level)
@@ -329,7 +329,7 @@ def _choose_points(case: Case, level: Surface, instrument: Instrument) -> Shape:
 
     The numbers of points are chosen as follows:
 
-    - If the case contains the key `surface.points`, the key determines the numbers of points of a single patch.
+    - If the case contains the key `surface.points`, it gives the numbers of points of a single patch.
     - If the spectrum is continued, the shortest wavelength of the continuation determines the grid.
     - A generated surface has the same points as the generated map.
     - The grid of a measured surface is chosen so that the grid resolves the shortest wavelength.

@@ -82,7 +82,7 @@ class _SurveyedSurface:
     conditioning : Conditioning or None
         Report on how a run would repair and filter the surface; None if a run would reject the surface.
     waves : Representative or None
-        Longest waves of the surface and their number; None for a flat surface.
+        Longest waves of the surface, and how many of them fit into a patch; None for a flat surface.
     form_effect : FormEffect or None
         Effect of the form deviation of the surface on the leakage; None for a flat surface.
     quick_estimate : str
@@ -108,8 +108,8 @@ class _SurveyedSurface:
     def remarks(self) -> list[str]:
         """Lines of text about the longest waves, the form deviation and the quick estimate.
 
-        Warnings about the longest waves replace the description of the longest waves. Warnings about the form deviation
-        replace the description of the form deviation.
+        If there are warnings about the longest waves, they replace the description of these waves. The same applies to
+        the form deviation.
         """
         texts = []
         if self.waves is not None:

@@ -62,7 +62,7 @@ def draw_formats(
     Returns
     -------
     dict of dict of bytes
-        Contents of the picture files: for each name of a picture, a mapping from the format to the content of the file.
+        Contents of the picture files, by the name of the picture and then by the format.
     """
     return _rendered(_figures(results, surface), formats)
 
@@ -134,7 +134,7 @@ def write_pictures(
 
 
 def check_formats(formats: Sequence[str]) -> None:
-    """Raise an InputError if a format of pictures is unknown, or if no format is given."""
+    """Raise an InputError if a picture format is unknown, or if no format is given."""
     unknown = [form for form in formats if form not in PICTURE_FORMATS]
     if unknown or not formats or isinstance(formats, str):
         given = f"'{formats if isinstance(formats, str) else ','.join(formats)}'"
@@ -179,7 +179,7 @@ def _figures(
 
 
 def _finished_attempts(attempts: dict[str, Any]) -> dict[int, dict[str, Any]]:
-    """Return the attempts to reach the requested accuracy, by their numbers from 1.
+    """Return the attempts to reach the requested accuracy, numbered from 1.
 
     Attempts without an estimate of the error are left out.
     """

@@ -85,7 +85,7 @@ def _whole_seal_unit(results: Results, values: Array) -> LeakUnit:
 
 
 def class_table(results: Results) -> TextTable | None:
-    """Make a table of the loads that each leakage class requires; return None if the case has no classes."""
+    """Tabulate the loads required for each leakage class; return None if the case has no classes."""
     verdicts = results.verdicts
     if not verdicts:
         return None
@@ -164,8 +164,7 @@ def important_steps(results: Results) -> list[int]:
     """List the indices of the load steps that the table of the error budget shows, without repetition.
 
     - The first load step with a known leakage.
-    - Among the steps of loading whose leakage is more than a thousandth of the first known leakage, the step with the
-      highest load.
+    - The highest load on loading at which the leakage still exceeds a thousandth of the first known leakage.
     - The load step with the highest load.
     - The last load step.
     """
@@ -205,7 +204,8 @@ def budget_table(results: Results) -> TextTable | None:
     lines = [_BudgetLine(part.name, half_widths[part.name], part.note) for part in budget.parts]
 
     def largest_half_width(line: _BudgetLine) -> float:
-        """Return the largest half-width of a source over the load steps of the table; unknown counts as infinite."""
+        """Return the largest half-width of a source over the load steps of the table, counting unknown values as
+        infinite."""
         return float(np.nan_to_num(line.half_widths[steps], nan=np.inf).max())
 
     lines.sort(key=largest_half_width, reverse=True)

@@ -73,8 +73,8 @@ class Lay:
         Raises
         ------
         InputError
-            A point lies at the centre of a radial, circumferential or spiral lay. The error is also raised if the file
-            of the vector field cannot be read, does not contain the vector field, or does not cover the points.
+            A point lies at the centre of a radial, circumferential or spiral lay. The error is also raised if the
+            vector field cannot be read from its file, or does not cover the points.
         """
         if self.file is not None:
             return _directions_from_field(self.file, self.array, points, unit)

@@ -101,10 +101,9 @@ def pressure_dependent_flow(
 def _in_viscous_potential(
     flow: DarcyFlow, rate: float, fraction: Array, drop: PressureDrop
 ) -> DarcyFlow:
-    """Convert a flow in the potential ψ to a flow in the potential φ of viscous flow.
+    """Convert a flow solution for the potential ψ to the potential φ of viscous flow.
 
-    The given flow refers to a difference of 1 in ψ between inlet and outlet, the returned flow to a difference of 1 in
-    φ.
+    The given flow is for a difference of 1 in ψ between inlet and outlet, the returned flow for a difference of 1 in φ.
 
     rate : flow rate for a difference of 1 in ψ [m³].
     fraction : potential ψ at the points, scaled to 1 at the inlet and 0 at the outlet.
@@ -164,7 +163,7 @@ def _quantity(unit: str, long_name: str, **options: Any) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class Leakage(Shown):
-    """Hold the leakage of a seal, which is negative if the outlet pressure is higher than the inlet pressure.
+    """Hold the leakage of a seal; it is negative if the outlet pressure exceeds the inlet pressure.
 
     Printing a `Leakage` shows each value with its unit.
     """

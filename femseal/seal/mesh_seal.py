@@ -1,8 +1,8 @@
 """Define seals on meshes: `MeshSeal` has any plan shape, `ElementSeal` has a random permeability in each element.
 
 A mesh is checked for overlapping elements. Elements that are not neighbours may overlap as well, for example where two
-separate parts of the mesh lie on top of each other. If no element overlaps its neighbours, then at least one of two
-overlapping elements is at the boundary of the mesh.
+separate parts of the mesh lie on top of each other. If no element overlaps its neighbours but two elements overlap, at
+least one of these two is at the boundary of the mesh.
 """
 
 from __future__ import annotations
@@ -161,7 +161,7 @@ class MeshSeal:
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Allowed shapes of the array of permeabilities, for permeabilities that are not tensors."""
+        """Allowed shapes of a permeability array that does not contain tensors."""
         return (self.mesh.nelements,), (self.mesh.nelements, 2)
 
     def corner_values(self, values: Array) -> Array:
@@ -308,9 +308,8 @@ def _check_element_shapes(mesh: Mesh) -> None:
 def _overlapping_neighbours(mesh: Mesh) -> tuple[int, ...]:
     """Return the indices of the first two elements that overlap a neighbour; empty if no neighbours overlap.
 
-    Neighbouring elements are compared by the directions in which their boundaries pass the common edge. Let the
-    boundaries of both elements be traversed anticlockwise. If the common edge is not passed in opposite directions, the
-    elements overlap. Elements also overlap if more than two elements have the same edge.
+    Neighbours overlap if both traverse their common edge in the same direction when their boundaries are followed
+    anticlockwise. Elements also overlap if more than two of them share an edge.
     """
     vertices, edge = mesh.t.T, mesh.t2f.T  # (element, corner)
     # direction of each edge: 1 if the number of its second vertex is larger, −1 if it is smaller
@@ -385,7 +384,7 @@ class ElementSeal:
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Allowed shapes of the array of permeabilities, for permeabilities that are not tensors."""
+        """Allowed shapes of a permeability array that does not contain tensors."""
         return (self.mesh.nelements,), (self.mesh.nelements, 2)
 
     def corner_values(self, values: Array) -> Array:

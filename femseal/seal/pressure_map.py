@@ -62,7 +62,7 @@ class Frame:
     def angle(self, points: Array) -> Array:
         """Return the polar angle (n,) [rad] of points (n, 2) [m].
 
-        For a strip of the length L2, the returned angle is 2π x2/L2, as if the strip were bent to a ring.
+        For a strip of the length L2, the returned angle is 2π x2/L2, as if the strip were bent into a ring.
         """
         if self.size:
             return 2 * pi * points[:, 1] / self.size[1]

@@ -54,9 +54,9 @@ NAME_BOUNDARIES = (
 def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     """Read a mesh of linear triangles or quadrilaterals with named boundaries.
 
-    The elements of the mesh have the same order as in the file. Nodes that belong to no element are omitted. The name
-    of a physical group without a name is its number. In a .vtu file, the cell data "gmsh:physical" or "boundary"
-    contain the number of the boundary to which each line belongs. The name of a boundary in a .vtu file is its number.
+    The elements of the mesh have the same order as in the file. Nodes that belong to no element are omitted. An unnamed
+    physical group takes its number as its name. In a .vtu file, the cell data "gmsh:physical" or "boundary" contain the
+    number of the boundary to which each line belongs. In a .vtu file, the name of a boundary is its number.
 
     Parameters
     ----------

@@ -34,15 +34,14 @@ class Seal(Protocol):
         Whether the flow is computed as the mean of a lower and an upper bound, so that `flow` must be called with
         `bounds=True`.
     element_shapes : tuple of tuple of int
-        Allowed shapes of the array of permeabilities, for permeabilities that are not tensors. The first allowed shape
-        is (n_elements,).
+        Allowed shapes of a permeability array that does not contain tensors. The first allowed shape is (n_elements,).
     """
 
     value_needs_bounds: ClassVar[bool]
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Allowed shapes of the array of permeabilities, for permeabilities that are not tensors."""
+        """Allowed shapes of a permeability array that does not contain tensors."""
         ...
 
     @property
@@ -77,7 +76,7 @@ class PeriodicSeal:
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Allowed shapes of the array of permeabilities, for permeabilities that are not tensors."""
+        """Allowed shapes of a permeability array that does not contain tensors."""
         n1, n2 = self.cells
         return (n1 * n2,), (n1, n2), (n1 * n2, 2), (n1, n2, 2)
 

@@ -178,8 +178,8 @@ class SealTiles:
         Parameters
         ----------
         along_x1, along_x2 : arrays, (…, tiles)
-            Permeabilities k1 across the lay and k2 along the lay of the tiles [m³]: the permeabilities of their cells
-            along x1 and x2.
+            Permeabilities of the tiles, k1 across and k2 along the lay [m³]. They are the permeabilities along x1 and
+            x2 of the cells that the tiles take.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""Compute the leakage of a rough surface over a load cycle by four studies.
+"""Define four studies that compute the leakage of a rough surface over a load cycle.
 
 `deterministic` solves contact and flow on all pixels of the surface. `two_scale` also solves the flow through each cell
 of the surface. `by_blocks` solves a surface that is too large for the memory of the machine block by block.

@@ -300,7 +300,7 @@ def _layer(block: Scene) -> RoughLayer:
 
 
 def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[RoughLayer]) -> Array:
-    """Solve the contact of the coarse surface, on which every cell has the rough layer of its block.
+    """Solve the contact of the coarse surface, using for each cell the rough layer of its block.
 
     Parameters
     ----------

@@ -54,16 +54,15 @@ _SAME = 1e-3
 
 @dataclass(frozen=True, repr=False)
 class PatchLeakage(Shown):
-    """Leakage of each measured patch, and leakage that follows from all patches except one, for each patch in turn.
+    """Hold the leakage of each measured patch, and the leakage with each patch left out in turn.
 
     The leakage is NaN where the flow solver failed.
 
     Parameters
     ----------
     selections : array (patches, steps) or (2 × patches, steps), m²/s
-        Leakage of selections of patches. The first rows belong to single patches, which are continued periodically.
-        With at least three patches, the second half of the rows belongs to selections of all patches but one, side by
-        side.
+        Leakage of subsets of the patches. The first rows are for single patches, each continued periodically. If there
+        are at least three patches, the second half of the rows is for all patches but one, placed side by side.
     """
 
     selections: Array = field(metadata={"unit": "m^2/s"})
@@ -97,7 +96,7 @@ class PatchLeakage(Shown):
 
     @property
     def without(self) -> Array | None:
-        """Leakage of all patches but one, for each omitted patch (patches, steps) [m²/s]; None for two patches."""
+        """Leakage with one patch left out, for each omitted patch (patches, steps) [m²/s]; None for two patches."""
         # With two patches, `selections` has two rows, and half of the rows is fewer than `FEWEST`.
         patches = len(self.selections) // 2
         return self.selections[patches:] if patches >= FEWEST else None
@@ -129,7 +128,7 @@ class PatchLeakage(Shown):
 def permeabilities_of_patches(
     widths: tuple[int, ...], spacing: Pair, settings: FlowSettings, gap: Floats
 ) -> Array:
-    """Compute the permeability of each measured patch, and of all patches but one.
+    """Compute the permeability of each measured patch, and of all patches with one of them left out.
 
     The leakages in `PatchLeakage` are computed from the returned permeabilities.
 
@@ -195,8 +194,7 @@ class FaceCells:
         without flow. The blocks are as large as the short waves of the surface.
     surface_k2, cells_k2 : array (steps,), m³
         Permeability along x2 of the whole surface (`surface_k2`) and of the grid of cells (`cells_k2`), averaged over
-        the measured patches. `surface_k2` and `cells_k2` are only computed for seals whose tiles take random cells, and
-        NaN otherwise.
+        the measured patches. They are only computed for seals whose tiles take random cells; otherwise they are NaN.
     edge_distance : array (steps,), m
         Mean distance of the points that yield from the edge of their contact patch, see `contact.mean_edge_distance`;
         NaN without a coating.

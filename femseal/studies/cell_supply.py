@@ -175,7 +175,7 @@ def supply_cells(
 ) -> CellSupply:
     """Compute the permeabilities of the cells of a surface at the pressures of the tiles of a seal.
 
-    In two cases, the contact is solved at the load steps of the scene: if the cells stay in order, or if every tile has
+    The contact is solved at the load steps of the scene in two cases: if the cells stay in order, or if every tile has
     the contact pressure of the load steps. In all other cases, the contact is solved at tabulated pressures, and the
     permeabilities are interpolated.
 

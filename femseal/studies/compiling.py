@@ -91,13 +91,13 @@ def _gap(n: int) -> Array:
 
 
 def _compile_levels() -> None:
-    """Compile the set-up of the levels of multigrid."""
+    """Compile the loops that set up the multigrid levels."""
     network = _network()
     build_levels(network.along, network.across, network.ring2)
 
 
 def _compile_multigrid() -> None:
-    """Compile the iterations of multigrid, and the choice of the solver."""
+    """Compile the multigrid iterations and the choice of the solver."""
     for solver in ("multigrid", "auto"):
         solve_flow(_network(), solver=solver)
 

@@ -1,7 +1,7 @@
 """Solve the contact pressures of points on an elastic half-space that is covered with a compliant rough layer.
 
-The module `seal_contact` uses points over a seal with a form deviation. The module `blocks` uses one point for each
-cell of a large surface.
+In the module `seal_contact`, the points cover a seal with a form deviation. In the module `blocks`, each point
+represents a cell of a large surface.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ class ContactPoints:
         Pressure at which the body yields.
     row : array of int (n,), optional
         Index of the row to which each point belongs. If `row` is given, the deformation of the body by the uniform part
-        of the pressure is neglected. The uniform part is the smallest mean pressure of a row. By default, the whole
-        pressure deforms the body.
+        of the pressure is neglected. The uniform part is the smallest mean pressure of a row. By default, the body is
+        deformed by the whole pressure.
     """
 
     def __init__(
@@ -102,8 +102,8 @@ class ContactPoints:
     def solve(self, layer: LayerLaw, load: float, start: Array, sunk: Array) -> PointSolution:
         """Solve the contact under a given mean pressure.
 
-        The uniform part of the pressure is the smallest mean pressure of a row. The uniform part is found by iteration,
-        because the pressures of the rows depend on the uniform part.
+        The uniform part of the pressure is the smallest mean pressure of a row. It is found by iteration, because the
+        pressures of the rows depend on it.
 
         Parameters
         ----------
@@ -149,8 +149,8 @@ class ContactPoints:
         """Solve the contact under the mean pressure `load`, without the deformation of the body by `uniform_part` [Pa].
 
         The solution is found by conjugate gradients under a fixed load (Polonsky & Keer, Wear 231, 1999, 206). The
-        unknowns are the pressures of the points that are in contact and do not yield. The preconditioner of a point is
-        1/(compliance of the body at this point + compliance of the rough layer).
+        unknowns are the pressures of the points that are in contact and do not yield. The diagonal preconditioner is
+        1/(compliance of the body + compliance of the rough layer) at each point.
         """
         n = self.depth.size
         # the convolution below includes the displacement by the uniform part, which is subtracted here
@@ -243,7 +243,7 @@ def _energy_slope(
     Parameters
     ----------
     p, direction : array (n,), Pa
-        Pressures at the start of the iteration step, and search direction in the space of the pressures.
+        Pressures at the start of the iteration step, and search direction.
     distance, direction_displacement : array (n,), m
         Distance between the smooth bodies at the start of the iteration step, and displacement of the bodies under the
         pressures `direction`.

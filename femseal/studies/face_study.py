@@ -160,7 +160,7 @@ class FaceResult(Shown):
     states : tuple of FaceState
         Contact state of the surface at every step.
     residual : float
-        Largest residual with which the contact solver stopped.
+        Largest residual at which the contact solver stopped.
     failures : tuple of str
         Reasons why values of the result are NaN.
     warnings : tuple of str
@@ -238,12 +238,12 @@ class FaceResult(Shown):
 
     @property
     def k1(self) -> Array:
-        """Permeability of the cells along x1 (steps, m1, m2) [m³]; raises InputError without cells."""
+        """Permeability of the cells along x1 (steps, m1, m2) [m³]; raises InputError if there are no cells."""
         return self._existing_cells.k1
 
     @property
     def k2(self) -> Array:
-        """Permeability of the cells along x2 (steps, m1, m2) [m³]; raises InputError without cells."""
+        """Permeability of the cells along x2 (steps, m1, m2) [m³]; raises InputError if there are no cells."""
         return self._existing_cells.k2
 
     @property

@@ -11,16 +11,16 @@ that was computed from a patch of the whole surface. The file distinguishes four
 
 The score of a load step is the error of ln(leakage) at this step, divided by the error that is expected for its contact
 state (class `Difficulty`). The expected error of a contact state does not depend on the true leakage or on other load
-steps. For a newly computed leakage, the distance from ln(leakage) to an end of its 95 % interval is the expected error
-multiplied by a quantile of the scores of the same kind of computation. The lower and the upper end of the interval have
-separate quantiles, because positive and negative errors differ in size.
+steps. For a newly computed leakage, each end of the 95 % interval lies at a distance from ln(leakage) equal to the
+expected error times a quantile of the scores of the same kind of computation. The lower and the upper end of the
+interval have separate quantiles, because positive and negative errors differ in size.
 
 The load steps of one simulated scene have similar errors. Only whole scenes are regarded as independent of each other.
 In the quantile, each of the n scenes of the calibration set has the weight 1/(n + 1), divided equally among its load
-steps. The last share 1/(n + 1) of the weight belongs to the scene to be predicted, whose scores may be higher than all
-scores of the calibration set. With 95 % intervals for new scenes of the same population, the true leakage lies below
-the lower end of the interval at no more than 2.5 % of the load steps, and above the upper end at no more than 2.5 %.
-The limit of 2.5 % holds for any distribution of the errors.
+steps. The remaining weight 1/(n + 1) belongs to the scene to be predicted, whose scores may exceed all scores of the
+calibration set. For new scenes from the same population, the true leakage lies below the 95 % interval at no more than
+2.5 % of the load steps, and above it at no more than 2.5 %. The limit of 2.5 % holds for any distribution of the
+errors.
 
 Sources of the method:
 
@@ -102,7 +102,7 @@ class Difficulty:
         (0.3 + N^−½)^½ · [1 + l/(A + 0.003)] · exp(gA) · (1 + dF),
 
     where N is the number of carriers, A the contact fraction and F the detour index of the contact state, see
-    `PatchState`. The four factors of the expected error have the following reasons:
+    `PatchState`. The four factors account for the following effects:
 
     - If the flow passes through few blocks (small N), a single patch is less representative of the whole surface.
     - In a very light contact (small A), only a few asperities carry the load, so that a single patch is less
@@ -119,11 +119,11 @@ class Difficulty:
     light : float
         Coefficient l of the error in light contacts.
     below, above : float
-        Coefficient g of the contact fraction: `below` for the lower end of the 95 % interval, `above` for the upper
-        end.
+        Coefficient g (growth of the error with the contact fraction): `below` for the lower end of the 95 % interval,
+        `above` for the upper end.
     detours_below, detours_above : float
-        Coefficient d of the detour index: `detours_below` for the lower end of the 95 % interval, `detours_above` for
-        the upper end.
+        Coefficient d (error due to channels between cells): `detours_below` for the lower end of the 95 % interval,
+        `detours_above` for the upper end.
     largest_ratio : float
         Limit of the upper end of an interval, divided by the leakage of an open seal. If twice the computed leakage is
         larger than this limit, the upper end is limited to twice the computed leakage.
@@ -140,10 +140,10 @@ class Difficulty:
     fraction: float
 
     def distances(self, state: PatchState) -> tuple[Array, Array]:
-        """Return the distances from ln(leakage) to both ends of the 95 % interval, up to a constant factor.
+        """Return the distances from ln(leakage) to the two ends of the 95 % interval, up to a constant factor.
 
-        The two arrays (steps,) belong to the lower and to the upper end of the interval. The constant factor of each
-        end is calibrated, see `IntervalWidths`.
+        The first array (steps,) is for the lower end of the interval, the second for the upper end. The constant factor
+        for each end is obtained by calibration, see `IntervalWidths`.
         """
         carriers = np.where(np.isnan(state.carriers), _SEALED_CARRIERS, state.carriers)
         detours = np.where(np.isnan(state.detours), _SEALED_DETOURS, state.detours)
@@ -214,8 +214,8 @@ class IntervalWidths:
     scenes : int
         Number of simulated scenes of this kind in the calibration set.
     below, above : float
-        Quantiles of the scores, for the lower and for the upper end of the intervals. The distances that
-        `Difficulty.distances` returns are multiplied by the quantiles.
+        Quantiles of the scores, for the lower and for the upper end of the intervals. They multiply the distances that
+        `Difficulty.distances` returns.
     """
 
     kind: str
@@ -237,8 +237,7 @@ class IntervalWidths:
             Rows of the calibration set that belong to the kind `kind`. Each row of the set describes a load step of a
             scene.
         two_patches : bool
-            True to use only rows whose leakage was computed from two patches together, False to use only rows whose
-            leakage was computed from a single patch.
+            If True, use only rows computed from two patches together; if False, only rows computed from a single patch.
         """
         rows = [row for row in rows if (row["patch"] == _BOTH_PATCHES) == two_patches]
         scene = np.array([row["scene"] for row in rows])
@@ -272,9 +271,9 @@ class IntervalWidths:
 
         - A lower end below `LEAST_TRUTH` times the leakage of an open seal is replaced by 0, because the seal may be
           sealed.
-        - The upper end is computed with at least `LEAST_KNOWN` times the leakage of an open seal instead of Q, because
-          the size of a very small leakage says little.
-        - The upper end is limited to `largest_ratio` times the leakage of an open seal, or to 2 Q if 2 Q is larger.
+        - For the upper end, Q is raised to at least `LEAST_KNOWN` times the leakage of an open seal, because the exact
+          value of a very small leakage means little.
+        - The upper end is at most `largest_ratio` times the leakage of an open seal, or 2 Q if that is larger.
         - In a sealed contact state, the interval extends from 0 to `sealed_end` times the leakage of an open seal.
 
         leakage : leakage Q at each load step (steps,) [m²/s], NaN if unknown.
@@ -291,7 +290,7 @@ class IntervalWidths:
 
 
 def distances_to_truth(leakage: Array, truth: Array) -> tuple[Array, Array]:
-    """Return how wide an interval must be to contain the true leakage, below and above the computed leakage.
+    """Return how far an interval must extend below and above the computed leakage to contain the true leakage.
 
     Parameters
     ----------
@@ -301,10 +300,9 @@ def distances_to_truth(leakage: Array, truth: Array) -> tuple[Array, Array]:
     Returns
     -------
     below, above : array (rows,)
-        Smallest distance from ln(leakage) to the lower end of the interval (`below`) and to the upper end (`above`),
-        for which the interval contains the true leakage. If the true leakage is above the computed leakage, the
-        distance `below` is negative. If the true leakage is below the computed leakage, the distance `above` is
-        negative.
+        Distances from ln(leakage) to the lower end (`below`) and to the upper end (`above`) of the narrowest interval
+        that contains the true leakage. If the true leakage is above the computed leakage, the distance `below` is
+        negative. If the true leakage is below the computed leakage, the distance `above` is negative.
     """
     with np.errstate(divide="ignore"):
         # Largest lower end that contains the true leakage. `IntervalWidths.ends` replaces a lower end below
@@ -320,8 +318,8 @@ def distances_to_truth(leakage: Array, truth: Array) -> tuple[Array, Array]:
 def state_of_rows(rows: Sequence[Mapping[str, str]]) -> PatchState:
     """Read the contact states from rows of the calibration set.
 
-    The leakage of an open seal is 1 in the returned state, because all leakages of the calibration set are divided by
-    the leakage of an open seal.
+    An open seal has leakage 1 in the returned state, because the calibration set contains leakages relative to an open
+    seal.
     """
     names = "carriers", "contact", "detours"
     carriers, contact, detours = (np.array([float(row[name]) for row in rows]) for name in names)
@@ -334,10 +332,10 @@ def state_of_rows(rows: Sequence[Mapping[str, str]]) -> PatchState:
 
 
 def weighted_quantile(score: Array, scene: Array, fraction: float) -> float:
-    """Return a quantile of the scores of load steps, in which every scene has the same weight.
+    """Return a quantile of the scores of load steps, giving every scene the same weight.
 
-    Each of the n scenes has the weight 1/(n + 1), divided equally among the load steps of the scene. The last share
-    1/(n + 1) of the weight belongs to a new scene, whose scores are assumed to be higher than all known scores.
+    Each of the n scenes has the weight 1/(n + 1), divided equally among the load steps of the scene. The remaining
+    weight 1/(n + 1) is given to a new scene, whose scores are assumed to exceed all known scores.
 
     Parameters
     ----------
@@ -346,8 +344,8 @@ def weighted_quantile(score: Array, scene: Array, fraction: float) -> float:
     scene : array (rows,)
         Name of the simulated scene to which each load step belongs.
     fraction : float
-        Fraction of the total weight that belongs to scores up to the quantile, such as 0.95. For fractions above
-        n/(n + 1), the quantile is an unknown score of the new scene; the largest known score is returned instead.
+        Level of the weighted quantile, between 0 and 1, such as 0.95. Above n/(n + 1), the quantile would be a score of
+        the new scene, which is unknown; the largest known score is returned instead.
     """
     _, scene_number = np.unique(scene, return_inverse=True)  # index of the scene of each load step
     steps_of_scene = np.bincount(scene_number)  # number of load steps of each scene
@@ -376,7 +374,7 @@ def _calibration_set() -> tuple[dict[str, str], ...]:
 def sealed_end() -> float:
     """Return the upper end of the interval for a sealed state, divided by the leakage of an open seal.
 
-    The returned ratio is calibrated from the sealed states of all kinds of computation together.
+    The ratio is calibrated on sealed states, pooled over all kinds of computation.
     """
     rows = [row for kind in KINDS for row in calibration_rows(kind)]
     rows = [row for row in rows if float(row["leakage"]) == 0 and row["patch"] != _BOTH_PATCHES]

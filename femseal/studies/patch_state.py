@@ -23,9 +23,8 @@ class PatchState:
     """Hold the quantities that determine the width of the 95 % interval of a patch, at every load step.
 
     At a load step on loading, all quantities describe the contact state of this step. At a load step on unloading, all
-    quantities except `open_leakage` describe the highest load before the unloading. The deformation at the highest load
-    determines the contact states on unloading, so that their leakages are as uncertain as the leakage at the highest
-    load.
+    quantities except `open_leakage` describe the highest load before the unloading. The contact states on unloading
+    depend on the deformation at the highest load, so that their leakages are as uncertain as the leakage at that load.
 
     Parameters
     ----------
@@ -37,7 +36,7 @@ class PatchState:
     detours : array (steps,)
         Detour index ln(Q/Q_c), where Q is the leakage of the patch and Q_c the leakage of its grid of cells; limited to
         the range from 0 to ln 3, NaN in a sealed state. The detour index measures how much fluid flows through channels
-        that cross the sides of cells. Channels that cross the sides of cells are lost in a seal with cells at random.
+        that cross the sides of cells. These channels are interrupted in a seal with cells at random.
     open_leakage : array (steps,), m²/s
         Leakage of a seal whose gap is uniform and equal to the mean gap of the contact state.
     """
@@ -96,8 +95,8 @@ def open_leakage_per_permeability(scene: Scene, seal: Any) -> float:
 def _interpolate_on_loading(steps: LoadProgramme, values: Array, pressures: Array) -> Array:
     """Interpolate a quantity between the contact states on loading, linearly in the cube root of the pressure.
 
-    A quantity that is NaN in a contact state marks this state as sealed. At a pressure whose nearest contact state is
-    sealed, the interpolated quantity is NaN as well.
+    The quantity is NaN in sealed contact states. At a pressure whose nearest contact state is sealed, the interpolated
+    value is NaN as well.
 
     steps : loads of the contact states.
     values : quantity in each contact state (states,).

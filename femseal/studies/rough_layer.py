@@ -55,8 +55,8 @@ class RoughLayer:
     peaks : array (m,), Pa
         Increasing peak pressures from which unloading is tabulated; empty if the surfaces are elastic.
     recovery : array (surfaces, m, 6), m
-        Recovery: increase of s on unloading, from each peak pressure to the fractions `_RELEASED` of this peak
-        pressure.
+        Recovery: increase of s when the surfaces are unloaded from each peak pressure to the fractions `_RELEASED` of
+        that pressure.
     surface_number : array of int (points,) or int
         For each point at which the layer is evaluated, the number of the rough surface on which the point lies. A
         single number means that all points lie on the same rough surface.
@@ -126,7 +126,7 @@ class RoughLayer:
         Between two tabulated pressures, s is a cubic Hermite polynomial in t, s = s₀ + m₀ t + b t² + c t³, where t
         increases from 0 to 1 with the logarithm of the pressure. The coefficients follow from the values s₀, s₁ and the
         slopes m₀, m₁ at both ends: b = 3 (s₁ − s₀) − 2 m₀ − m₁ and c = m₀ + m₁ − 2 (s₁ − s₀). Below the lowest and
-        above the highest tabulated pressure, s is a straight line in the pressure.
+        above the highest tabulated pressure, s varies linearly with the pressure.
         """
         surface = self.surface_number
         first, last = self.pressure[[1, -1]]  # tabulated pressures without the pressure 0
@@ -155,7 +155,7 @@ class RoughLayer:
     def _node_slopes(self) -> Array:
         """Derivative of the separation s [m] with respect to the logarithm of the pressure (surfaces, n − 1).
 
-        The derivatives belong to all tabulated pressures on loading except pressure 0. With these derivatives, the
+        There is a derivative for each tabulated pressure on loading except pressure 0. With these derivatives, the
         interpolating cubic is monotone (PCHIP; Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300).
         """
         nodes = np.log(self.pressure[1:])
@@ -166,11 +166,11 @@ class RoughLayer:
         """Return the separation s [m] and ds/dp [m/Pa] on unloading, at the pressures p (points,) [Pa].
 
         At a pressure above the peak pressure, the separation is the same as on loading. At a pressure below the peak
-        pressure, the separation is s(peak) plus the recovery. The recovery is interpolated linearly in two variables:
-        in the logarithm of the peak pressure, between two tabulated peak pressures, and in the pressure, between two of
-        the fractions `_RELEASED` of the peak pressure.
+        pressure, the separation is s(peak) plus the recovery. The recovery is interpolated linearly in the logarithm of
+        the peak pressure, between two tabulated peak pressures, and linearly in the pressure, between two of the
+        fractions `_RELEASED` of the peak pressure.
 
-        peak : highest pressure that each point has carried before (points,) [Pa].
+        peak : highest pressure reached so far at each point (points,) [Pa].
         """
         if not self.peaks.size:
             return self.on_loading(p)
@@ -212,10 +212,9 @@ def solve_layer_states(
 ) -> tuple[LoadProgramme, list[Any]]:
     """Solve the contact of the rough surface without fluid, under increasing uniform pressures.
 
-    The highest pressure is `HIGHEST_PRESSURE` times the pressure that the surface can carry. The lowest pressure is a
-    thousandth of the smaller of two pressures: the pressure that the surface can carry, and the pressure at which
-    points yield for the first time. If the surface yields and the load programme of the scene contains unloading,
-    unloading from several pressures is solved as well.
+    The highest pressure is `HIGHEST_PRESSURE` times the largest pressure that the surface can support. The lowest
+    pressure is a thousandth of that pressure or of the pressure at first yield, whichever is smaller. If the surface
+    yields and the load programme of the scene contains unloading, unloading from several pressures is solved as well.
 
     Parameters
     ----------
@@ -234,7 +233,7 @@ def solve_layer_states(
     programme : LoadProgramme
         Uniform pressures at which the surface was solved.
     taken : list
-        What the function `take` returned for each step of the load programme.
+        Return values of the function `take`, one for each step of the load programme.
     """
     law = scene.law
     # An elastic surface can carry any pressure. For an elastic surface, the highest pressure is about a tenth of the
@@ -254,14 +253,14 @@ def solve_layer_states(
 
 
 def _layer_pressures(first_yield: float, capacity: float) -> Array:
-    """Choose the pressures [Pa] at which the rough contact is solved, up to the pressure that the surface can carry.
+    """Choose the pressures [Pa] at which the rough contact is solved, up to the largest that the surface can support.
 
     Parameters
     ----------
     first_yield : float
-        Pressure [Pa] at which points yield for the first time, at most `capacity`.
+        Pressure [Pa] at which the first points yield, at most `capacity`.
     capacity : float
-        Pressure that the surface can carry [Pa].
+        Largest pressure that the surface can support [Pa].
     """
     pressures = first_yield * _PRESSURES
     ratio = _PRESSURES[1] / _PRESSURES[0]

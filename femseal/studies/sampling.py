@@ -159,10 +159,9 @@ def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
     A pressure path is the sequence of the pressures of a tile at all load steps. If there are too many different
     pressure paths, the pressures are rounded, so that similar paths become equal. The cube roots of the pressures are
     rounded to equidistant values, because the logarithm of the permeability is nearly linear in the cube root of the
-    pressure. The distance between the rounded values is increased until the number of paths is at most `MOST_PATHS`
-    (`MOST_OF_SEVERAL` with several pressure maps for different loads). The pressure of a path is the mean pressure of
-    the tiles that share this path. In tests with two pressure maps, the limit of 512 paths changed the leakage by less
-    than 3e-4.
+    pressure. The rounding is made coarser until at most `MOST_PATHS` paths remain (`MOST_OF_SEVERAL` if there are
+    several pressure maps for different loads). The pressure of a path is the mean pressure of the tiles that share this
+    path. In tests with two pressure maps, the limit of 512 paths changed the leakage by less than 3e-4.
 
     Parameters
     ----------
@@ -202,7 +201,7 @@ def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str
     """Check a pressure map before a run, and return warnings about implausible pressures.
 
     Raises InputError if the map does not cover the seal, or if the pressure of a tile is higher than the bodies can
-    carry.
+    support.
     """
     if is_uniform(pressure_map):
         return ()
@@ -236,7 +235,7 @@ def _field_means(
 ) -> list[tuple[float | None, float]]:
     """Return pairs (load, mean pressure over the seal) [Pa] of all pressure fields in a pressure map.
 
-    A pressure field is valid at the load in its pair. A pressure field that is valid at all loads has the load None.
+    `load` is the nominal pressure at which the pressure field is valid, or None if it is valid at all loads.
     """
     seal = seal_for_maps(scene.layout, tiles)
     maps_at_loads: Iterable[tuple[float | None, Any]] = [(None, pressure_map)]
@@ -345,7 +344,7 @@ class TileFluid:
         return np.concatenate(list(contact_pressures), axis=1)
 
     def select_matching_reliefs(self, k: Array) -> Array:
-        """Select, for each fluid pressure, the permeabilities with the relief by this fluid pressure.
+        """Select, for each fluid pressure, the permeabilities computed with the relief by that fluid pressure.
 
         Parameters
         ----------
@@ -356,8 +355,7 @@ class TileFluid:
         Returns
         -------
         array (pressures, 2, steps, paths, cells), m³
-            Permeabilities on the nominal pressure paths; the relief always belongs to the fluid pressure of the first
-            axis.
+            Permeabilities on the nominal pressure paths, each with the relief for the fluid pressure on the first axis.
         """
         if self.relief.size == 1:
             return k

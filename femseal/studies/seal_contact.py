@@ -1,17 +1,17 @@
 """Compute the nominal pressure of all tiles of a seal with a form deviation, from the contact of the whole seal.
 
-The roughness is treated as a layer between two smooth half-spaces. Under the pressure p, the mean planes of the rough
-surfaces are at the distance s(p) from each other. The function s(p) is computed from the contact of the measured
-surface, on loading and on unloading (see `rough_layer`). For a contact point of the seal at the depth h below the
-highest point of the form, the equilibrium condition is
+The roughness is treated as a layer between two smooth half-spaces. Under the pressure p, the distance between the mean
+planes of the rough surfaces is s(p). The function s(p) is computed from the contact of the measured surface, on loading
+and on unloading (see `rough_layer`). For a contact point of the seal at the depth h below the highest point of the
+form, the equilibrium condition is
 
     h + K (p − p₀) − δ = s(p),
 
 where K p is the displacement of the half-spaces under the pressures p, p₀ the uniform part of the pressure and δ the
 approach of the bodies. For a point without contact, h + K (p − p₀) − δ is larger than s(0). The solution minimises the
 energy ½ (p − p₀)·K (p − p₀) + h·p − Σ∫s dp under the given load (see `contact_points`). Where the roughness is nearly
-flattened, the solids under the roughness yield at a fixed pressure and are permanently indented. The contact of a form
-deviation that does not vary along the seal is solved in plane strain.
+flattened, the solids under the roughness yield at a fixed pressure and are permanently indented. If a form deviation
+does not vary along the seal, its contact is solved in plane strain.
 
 The uniform part p₀ of the pressure is the smallest mean pressure of a row of points along the seal. The model neglects
 the deformation of the bodies by the uniform part p₀. In this model, a seal without form deviation has a uniform
@@ -19,7 +19,7 @@ pressure, as in all other studies. With the deformation by p₀, the same seal w
 times the mean pressure at its edges. If the contact band does not reach the edges of the seal, p₀ is 0, and the contact
 is computed exactly as for two half-spaces.
 
-Source of the model of a rough layer on smooth bodies: Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153.
+The model of a rough layer on smooth bodies follows Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ def solve_seal_contact(
     ------
     InputError
         The form is too steep for a half-space, or does not cover the seal; or the pressure is higher than the bodies
-        can carry.
+        can support.
     NotConverged
         A contact solver failed.
     """

@@ -143,7 +143,7 @@ class StochasticResult(Shown):
     cells : FaceCells
         Cells of the surface, at the loads of the scene or at tabulated pressures.
     row_pressure : array (steps, rows), Pa, optional
-        Mean contact pressure of each row along the seal. The three quantities of rows are only computed for seals with
+        Mean contact pressure of each row along the seal. This field and the next two are only computed for seals with
         cells in order and for strips and rings with a form deviation; otherwise they are None.
     band_breadth : array (steps,), m, optional
         Width of the contact band, from the first to the last row with contact.
@@ -155,8 +155,8 @@ class StochasticResult(Shown):
         Fields of the realisation whose leakage is nearest to the median; None for very large seals and for sealed
         seals.
     failures : tuple of str
-        One sentence for each failure of a solver. Values that a failed solver should have computed are NaN or are
-        omitted from averages.
+        One sentence for each failure of a solver. Quantities that could not be computed because a solver failed are
+        NaN, or are left out of averages.
     warnings : tuple of str
         One sentence for each result that is not plausible.
     quick_estimate : QuickEstimate, optional

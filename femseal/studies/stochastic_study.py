@@ -70,7 +70,7 @@ def stochastic(
         Numbers of cells along x1 and x2. By default, the shorter side of the surface is divided into four cells, or
         into two cells if the cells stay in order.
     sampling : Sampling
-        Size of the seal, number of realisations and other options. Without a given number, realisations are added until
+        Size of the seal, number of realisations and other options. If no number is given, realisations are added until
         the standard error of the median leakage is a twentieth of the half-width of the 95 % interval for a single
         patch. At least three realisations are solved.
     mapper : callable
@@ -190,7 +190,7 @@ def _kind(tiles: SealTiles, sampling: Sampling) -> str:
 
     The kind "with form" is for seals whose form deviation was measured at points. A measured form deviation is
     recognised by its finite shortest wavelength. A nominal form, such as a seat, is known exactly and has an infinite
-    shortest wavelength, so that such a seal has a different kind.
+    shortest wavelength; seals with such a form belong to another kind.
     """
     if any(isfinite(form.shortest_wave) for form in sampling.form):
         return "with form"
@@ -202,8 +202,8 @@ def _count_needed(leakage: Array, kind: str, state: PatchState) -> int:
 
     The standard error of the median of n realisations is 1.2533 σ/√n, where σ is the standard deviation of ln(leakage).
     The largest allowed standard error is `MEDIAN_ERROR_FRACTION` times the half-width of the 95 % interval for a single
-    measured patch. Load steps at which the 95 % interval begins at 0 are ignored, because more realisations do not make
-    an interval narrower that begins at 0.
+    measured patch. Load steps at which the 95 % interval starts at 0 are ignored, because further realisations cannot
+    narrow it there.
 
     leakage : leakage of the realisations solved so far (realisations, steps) [m²/s].
     """

@@ -1,4 +1,4 @@
-"""Warnings that the median of stochastic seals is a limit, because a ratio of leakages was limited."""
+"""Warnings that a limit on a leakage ratio determines the median leakage of stochastic seals."""
 
 import numpy as np
 import pytest
