@@ -6,7 +6,7 @@ The difference between a leakage and its coarser solution shows the error of the
 
 The change of ln(leakage) from one grid to a coarser grid is not a smooth function of the load. At loads where
 contacts open and close, the sign of the change is random. Near the load at which the last leakage path closes, the
-coarser grid shifts the load at which the seal closes, and the change of ln(leakage) equals this shift of ln(load) times
+coarser grid shifts the load at which the seal closes, so that the change of ln(leakage) is this shift of ln(load) times
 the slope |d ln(leakage)/d ln(load)|. The function `scale_of_changes` estimates the typical size of the change at a load
 from two contributions: the changes at neighbouring loads, and the typical shift of the load over the whole cycle.
 
@@ -86,7 +86,7 @@ class ErrorPart:
     Parameters
     ----------
     name : "solver", "pixels", "filter", "realisations", "patch", "patches", "blocks", or one of `MODEL_PARTS`.
-    lower, upper : lower and upper end of the 95 % interval of the leakage, arrays (steps,), m²/s. A lower end of 0
+    lower, upper : lower and upper ends of the 95 % interval of the leakage, arrays (steps,), m²/s. A lower end of 0
         means that the seal may be sealed. An upper end of inf means that no upper bound is known. NaN means that the
         error of the source is unknown.
     note : a sentence that says how the interval was estimated.
@@ -108,7 +108,7 @@ class ErrorPart:
         name : str
             Name of the error source, one of the names in `ErrorPart`.
         leakage : array (steps,), m²/s
-            Leakage. At steps where the leakage is 0, the lower and the upper end of the interval are 0.
+            Leakage. At steps where the leakage is 0, the lower and upper ends of the interval are 0.
         below, above : array (steps,)
             Distances from ln(leakage) to the lower and to the upper end of its interval. If `below` is inf, the seal
             may be sealed.
@@ -193,7 +193,7 @@ class ErrorBudget:
 
     @cached_property
     def _ends(self) -> tuple[Array, Array]:
-        """Lower and upper end of the 95 % interval, arrays (steps,)."""
+        """Lower and upper ends of the 95 % interval, arrays (steps,)."""
         q = np.abs(self.leakage)
         highest = np.max([np.abs(part.upper) for part in self.parts], axis=0, initial=0.0)
         with np.errstate(invalid="ignore", over="ignore"):
@@ -276,7 +276,7 @@ def within_others(
 
 
 def near_closing(leakage: Array, open_leakage: Array) -> Flags:
-    """Return at which load steps the last leakage path is about to close, array (steps,).
+    """Flag the load steps at which the last leakage path is about to close, array (steps,).
 
     At such a step, the surface leaks far less than a uniform gap of equal mean height, see `_CLOSING_LEAKAGE`.
 
@@ -289,8 +289,8 @@ def near_closing(leakage: Array, open_leakage: Array) -> Flags:
 def _bounds_by_other_steps(steps: LoadProgramme, lower: Array, upper: Array) -> tuple[Array, Array]:
     """Narrow the interval of each load step by means of the intervals of all other steps.
 
-    The lower end of a step s is raised to the largest lower end of the steps that cannot leak more than s. The upper
-    end of s is reduced to the smallest upper end of the steps that leak at least as much as s.
+    The lower end at a step s is raised to the largest lower end of the steps that cannot leak more than s. The upper
+    end at s is reduced to the smallest upper end of the steps that leak at least as much as s.
     """
     low = lower.copy()
     high = upper.copy()
@@ -320,7 +320,7 @@ def _bounds_by_other_steps(steps: LoadProgramme, lower: Array, upper: Array) -> 
 
 
 def _width(leakage: Array, lower: Array, upper: Array) -> Array:
-    """Compute the half-width (steps,), the larger distance from ln(leakage) to an end of its interval.
+    """Compute the half-width (steps,), which is the larger distance from ln(leakage) to an end of its interval.
 
     The half-width is inf at a sealed step that may leak (upper end above 0).
     """
@@ -357,9 +357,9 @@ def counting_steps(budget: ErrorBudget) -> np.ndarray:
     """Return the indices of the load steps that decide whether an interval is narrow enough.
 
     If the seal leaks at the first step, the function selects the steps where the leakage is unknown or exceeds 1e-3
-    of the leakage at the first step. Sealed steps are not selected, because the intervals of the last leaking steps
-    already show whether the seal may still be open. If the seal does not leak at the first step, all steps that leak or
-    may leak are selected. Steps at which the fluid carries the whole load are never selected.
+    of the leakage at the first step. Sealed steps are left out: the intervals of the last leaking steps already show
+    whether the seal may still be open. If the seal does not leak at the first step, all steps that leak or may leak are
+    selected. Steps where the fluid carries the whole load are never selected.
     """
     q, upper = np.abs(budget.leakage), np.abs(budget.upper)
     least = np.nan_to_num(least_counted(q))
@@ -411,7 +411,7 @@ def _largest(widths: Array) -> float:
 
 @dataclass(frozen=True)
 class CoarserSolution:
-    """Hold the leakage that was solved on fewer points, without the shortest waves or with a changed model.
+    """Hold the leakage of a solution on fewer points, without the shortest waves or with a changed model.
 
     Parameters
     ----------
@@ -459,8 +459,8 @@ def expected_sensitivity(in_contact: Array) -> Array:
 def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Array:
     """Estimate the slope |d ln(leakage) / d ln(load)| at every step (steps,).
 
-    The slope is computed from the leakages under neighbouring loads, but is at least `expected_sensitivity`. If the
-    neighbouring loads give no slope, because they do not leak, the slope is estimated as `STEEPEST` times
+    The slope is computed from the leakages under neighbouring loads, but is at least `expected_sensitivity`. If there
+    is no leakage at the neighbouring loads to give a slope, the slope is estimated as `STEEPEST` times
     `expected_sensitivity`. In nine of ten contact states, the true slope is at most `STEEPEST` times
     `expected_sensitivity`, so that intervals that are computed from the slope are wide enough.
 
@@ -476,7 +476,7 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array
     """Estimate how much ln(leakage) typically changes from one grid to a coarser grid, at every step (steps,).
 
     The typical size of the change at a step is √(a² + b²). The term `a` is the root mean square of the known changes at
-    the two nearest steps, counting the step itself; if several steps are equally near, all these steps are used. The
+    the two nearest steps, including the step itself; if several steps are equally near, all these steps are used. The
     term b is the change that a typical shift of the load would cause: the slope at the step times the mean shift of
     ln(load) over the whole cycle.
 

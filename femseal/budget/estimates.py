@@ -164,7 +164,7 @@ def realisations_part(study: StochasticResult) -> ErrorPart:
 def median_interval(values: Array) -> Pair:
     """Compute the 95 % confidence interval of the median of a population from a sample of values (n,).
 
-    The lower and the upper end are two of the sorted values (order statistics), which is valid for any distribution of
+    The lower and upper ends are two of the sorted values (order statistics), which is valid for any distribution of
     the values. With fewer than 6 values, order statistics do not give a 95 % interval, and a lognormal distribution is
     assumed instead.
 
@@ -193,16 +193,15 @@ def median_interval(values: Array) -> Pair:
 
 
 def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
-    """Estimate the error of subtracting the fluid pressure from the load of a cell, without coupling contact and flow.
+    """Estimate the error of reducing the load of a cell by the fluid pressure instead of coupling contact and flow.
 
     The error is only estimated for stochastic seals with cells at random, if the fluid pressure acts on the surfaces.
     The function returns None for a study to which the error does not apply.
 
     The error of ln(leakage) is a fraction of the change of ln(leakage) that the fluid pressure causes. The fraction was
     measured on seven surfaces whose width is four times their longest wavelength, under inlet pressures of 0.1 to 1
-    times the nominal pressure. The computed ln(leakage) was too large by at most one half of the change due to the
-    fluid pressure, or too small by at most one fifth of the change. For seals with a larger width, the error is
-    smaller.
+    times the nominal pressure. The computed ln(leakage) was too large by at most one half, or too small by at most one
+    fifth, of the change due to the fluid pressure. For wider seals, the error is smaller.
     """
     fluid = scene.acting_fluid
     if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_order:
@@ -252,8 +251,8 @@ def thin_gap_part(scene: Scene, leakage: Array) -> ErrorPart | None:
     """Estimate by how much Reynolds' equation overestimates the flow through a gap that is not thin.
 
     Reynolds' equation overestimates the flow by a factor of at most 1 + h'², where h' is the rms slope. The factor
-    follows from the next order of lubrication theory for the gap h between a plane and a rough wall. The permeability k
-    is given by 1/(12 k) = ⟨(1 + 4h'²/5)/h³⟩ for flow across ridges, and by 12 k = ⟨h³(1 − h'²)⟩ for flow along ridges.
+    follows from next-order lubrication theory for the gap h between a plane and a rough wall. The permeability k is
+    given by 1/(12 k) = ⟨(1 + 4h'²/5)/h³⟩ for flow across ridges, and by 12 k = ⟨h³(1 − h'²)⟩ for flow along ridges.
 
     The result is None if the error of ln(leakage) is below `_LEAST_SLOPE_ERROR`.
     """

@@ -108,8 +108,8 @@ def longer_waves(
     -------
     Changes of ln(leakage), array (random form deviations, steps). A change is NaN where the seal without random waves
     is sealed, or where the contact with random waves could not be solved. The function returns None if the seal is
-    hardly wider than the patch. The function also returns None if no flatness is given and the spectrum of the patch
-    does not rise towards long waves, because the patch then contains the longest waves of the surface.
+    hardly wider than the patch. The same holds if no flatness is given and the spectrum of the patch does not rise
+    towards long waves: the patch then contains the longest waves of the surface.
     """
     side = min(scene.surface.shortest_patch.size)
     if not waves.rises and flatness is None:

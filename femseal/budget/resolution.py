@@ -211,7 +211,7 @@ def raised_by_slope(
 
 
 def sealed_for_certain(in_contact: Array, slope_ratio: float = 1.0) -> Flags:
-    """Return at which steps (steps,) the surface would certainly be sealed if the removed waves were still present.
+    """Flag the steps (steps,) at which the surface would certainly be sealed if the removed waves were still present.
 
     Let A be the contact fraction of the filtered surface, and κ the slope ratio. By Persson's theory, the contact
     fraction of the surface with the removed waves is erf(κ erfinv(A)). The surface is certainly sealed if this contact

@@ -132,7 +132,7 @@ class Evaluation:
         return self._solved[id(version)][1]
 
     def on_grid(self, version: Version, result: Any) -> CoarserSolution | None:
-        """Compare the leakages of a changed and of the unchanged version of the input, on equal grids.
+        """Compare the leakages of a changed and the unchanged version of the input on equal grids.
 
         The result is None if the study failed for the changed or for the unchanged version.
         """

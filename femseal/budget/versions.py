@@ -90,7 +90,7 @@ class Version(Protocol):
 
     @property
     def points_divide_by(self) -> Shape:
-        """Numbers by which the points along x1 and x2 must be divisible, so that all blocks are equal."""
+        """Numbers that must divide the numbers of points along x1 and x2, so that all blocks are equal."""
         ...
 
     @property
@@ -176,9 +176,9 @@ def without_filtered_waves(version: Version) -> Version | None:
 def continued_versions(grid: Version) -> list[Version]:
     """Make the versions that show the error of extrapolating the spectrum.
 
-    The first `OTHER_PHASES` versions of the list have other random phases of the extrapolated waves. The last version
-    of the list lacks the shortest octave of the waves above the cut-off. The list is empty if the spectrum of the
-    surface was not extrapolated.
+    In the first `OTHER_PHASES` versions, the extrapolated waves have other random phases. In the last version, the
+    shortest octave of the waves above the cut-off is removed. The list is empty if the spectrum of the surface was not
+    extrapolated.
     """
     continued = grid.continuation
     if continued is None:
@@ -211,7 +211,7 @@ def _lacks_waves(version: Version) -> bool:
 def _reduced(version: Version, surface: Surface) -> Version:
     """Make the version with a coarser surface, which is divided into the same cells, and with fewer realisations.
 
-    The realisations of the coarser version have the same cells in the same tiles as the first realisations of the run,
+    The realisations of the coarser version use the same cells in the same tiles as the first realisations of the run,
     so that their leakages can be compared.
     """
     sampling = version.sampling

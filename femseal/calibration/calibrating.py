@@ -1,7 +1,7 @@
 """Calibrate a case with a leak test: run a few simulations, interpolate their leakage, and compute the posterior.
 
-A simulation solves the case with a given hardness and a given shortest wave. In names such as `scenes`, the word scene
-means a simulation.
+A simulation solves the case with a given hardness and a given shortest wave. In names such as `scenes`, "scene" stands
+for a simulation.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def calibrate(
         Folder for the table, the picture and the data. If the case is a file, the calibrated case is written to this
         folder as well. By default, no files are written.
     hardness, shortest_wave, factor : pair of float or str, optional
-        Lower and upper end of the range of each quantity, in SI units or as strings with units. Within its range, the
+        Lower and upper ends of the range of each quantity, in SI units or as strings with units. Within its range, the
         prior of each quantity is uniform in the logarithm of the quantity. The default ranges of hardness and shortest
         wave extend from one third to three times the value of the case. The default range of the factor is from 1/5 to
         5. The range of the shortest wave begins at 8 pixels or above.
@@ -268,7 +268,7 @@ def _single_hardness(case: Case) -> float:
 
 
 def _given_ends(name: str, ends: Range) -> tuple[float, float]:
-    """Convert the lower and the upper end of a range that the user has given to SI units."""
+    """Convert both ends of a range given by the user to SI units."""
     if isinstance(ends, str) or len(ends) != 2:
         raise InputError(name, shown(ends), "the lower and the upper end of a range")
     low, high = (
@@ -360,7 +360,7 @@ def _explore(
     rows : array of int (rows,)
         For each row of the test, the index of its load among the simulated loads.
     ranges : array (3, 2)
-        Lower and upper end of the range of each quantity in SI.
+        Lower and upper ends of the range of each quantity in SI.
     error : float
         Relative standard deviation of a measured leakage.
     most_scenes : int

@@ -84,7 +84,7 @@ class Calibration(Plotted):
         SI unit of the loads.
     curve : array (3, rows)
         Calibrated leakage at the load of each row of the test, in the unit of the test, and 0 where the seal is sealed.
-        The three rows of the array are the lower end of the interval, the median, and the upper end of the interval.
+        The three rows are the lower end of the interval, the median, and the upper end.
     scenes : array (n, 2)
         Hardness [Pa] and shortest wave [m] of the simulations.
     leakages : array (n, loads)

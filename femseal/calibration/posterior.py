@@ -147,7 +147,7 @@ class Posterior:
     rows : list of int
         For each row of the test, the index of its load among the loads of the surrogate.
     ranges : array (3, 2)
-        Lower and upper end of the range of hardness, shortest wave and factor, in SI units.
+        Lower and upper ends of the range of hardness, shortest wave and factor, in SI units.
     surrogate : Surrogate
         Prediction of the leakage of the model.
     error : float

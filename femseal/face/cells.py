@@ -1,8 +1,8 @@
 """Cut a surface in contact into rectangular cells, and compute the permeability of each cell along both axes.
 
-The contact is solved for the whole surface, because the long waves of the surface keep the valleys of a cell open; a
-single cell under load would be flattened. The flow through a cell is solved with no flow across its sides. Fluid cannot
-make a detour through neighbouring cells, so that the cells in their original order leak less than the surface. A
+The contact is solved for the whole surface, because the long waves of the surface keep the valleys of a cell open. A
+single cell would be flattened under the load. The flow through a cell is solved with no flow across its sides. Fluid
+cannot make a detour through neighbouring cells, so that the cells in their original order leak less than the surface. A
 correction factor for each axis and each contact state compensates for the missing detours.
 """
 
@@ -41,8 +41,8 @@ Boundary = tuple[str, str]
 def usual_cells(surface: Surface, in_order: bool = False) -> Shape:
     """Return the default numbers of cells along x1 and x2, for nearly square cells.
 
-    The shorter side of the shortest patch is divided into four cells; for cells in their original order (`in_order`),
-    into two cells.
+    The shorter side of the shortest patch is divided into four cells, or into two if the cells keep their original
+    order (`in_order`).
     """
     d1, d2 = surface.spacing
     n1 = surface.shape[0]
@@ -381,9 +381,8 @@ def correction_factors(
     The correction factor is the leakage of the whole surface divided by the leakage of its cells in their original
     order. If the surface or its cells are sealed in a state, or if a leakage is unknown, the state has no factor. A
     state without a factor takes the factor of the nearest state in the same branch of the load cycle. If no state of a
-    branch has a factor, the factor of all states of the branch is 1. The correction factor is limited,
-    because the factor of a nearly closed surface depends on single constrictions, which are not typical of other parts
-    of the seal.
+    branch has a factor, the factor is 1 in all its states. The correction factor is limited, because the factor of a
+    nearly closed surface depends on single constrictions, which are not typical of other parts of the seal.
 
     Parameters
     ----------

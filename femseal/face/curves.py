@@ -239,7 +239,7 @@ def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
 
     The history of an unloading step consists of the loading up to the peak load, and of the unloading from the peak
     load to the step. The contact pressure of a single cell may decrease while the pressure of the seal increases. A
-    cell may therefore have its highest pressure at another step than the seal.
+    cell may therefore have its highest pressure at a different step from the seal.
     """
     highest = paths.copy()
     for branch in steps.branches:

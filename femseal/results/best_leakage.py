@@ -64,7 +64,7 @@ def open_steps(data: xarray.Dataset) -> list[int]:
 
 
 def basis_attributes(basis: LeakBasis, prefix: str = "") -> dict[str, float]:
-    """Return the data that convert a leakage to other units as attributes of a dataset, except the seal length.
+    """Return, as attributes of a dataset, the data needed to convert a leakage to other units, except the seal length.
 
     Parameters
     ----------
@@ -178,7 +178,7 @@ def class_leakage_of_realisations(data: xarray.Dataset) -> Array:
 
 
 def failed_steps(data: xarray.Dataset) -> Flags:
-    """Return a flag for each step: True if the leakage of the fluid or of the test fluid could not be computed."""
+    """Flag each step at which the leakage of the service fluid or of the test fluid could not be computed."""
     has_failed = np.isnan(best_leakage(data).values) | np.isnan(class_leakage_of(data))
     has_failed[open_steps(data)] = False
     return has_failed
@@ -200,7 +200,7 @@ def class_interval_of(
 
     Returns
     -------
-    Lower and upper end of the 95 % interval, arrays (step,) [m²/s], NaN where unknown. The function returns None if the
+    Lower and upper ends of the 95 % interval, arrays (step,) [m²/s], NaN where unknown. The result is None if the
     run has no error budget.
     """
     if budget is None:

@@ -61,7 +61,7 @@ class RunFacts:
     timings : mapping
         Wall time of each stage [s].
     quantiles : (float, float)
-        Lower and upper quantile of the leakage of the realisations that are stored.
+        Lower and upper quantiles of the leakage of the realisations that are stored.
     warnings : tuple of str
         Warnings about the case, which are stored in the dataset before the warnings of the studies.
     leakage_unit : str or None
@@ -203,7 +203,7 @@ def _add_studies(
     data : dataset that is extended.
     scene : input of all studies.
     by_key : result of each study, by the key of the study.
-    quantiles : lower and upper quantile of the leakage of the realisations.
+    quantiles : lower and upper quantiles of the leakage of the realisations.
     """
     # deterministic and two-scale study, which solve the whole surface
     face_results = [study for study in by_key.values() if isinstance(study, FaceResult)]

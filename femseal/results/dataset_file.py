@@ -1,4 +1,4 @@
-"""Write and read the file `results.nc` of a run, which is in the netCDF format."""
+"""Write and read the netCDF file `results.nc` of a run."""
 
 from __future__ import annotations
 

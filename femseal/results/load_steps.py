@@ -54,7 +54,7 @@ def branches(pressures: Array, peaks: Array) -> list[tuple[str, Indices]]:
 
     Returns
     -------
-    Name and step indices of each branch: first the loading branch, then the unloading branches in falling order of
+    Name and step indices of each branch: first the loading branch, then the unloading branches in descending order of
     their peaks. An unloading branch begins with the step on loading at which its peak is reached.
     """
     loading = np.flatnonzero(np.isnan(peaks))

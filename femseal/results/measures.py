@@ -1,7 +1,7 @@
 """Estimate which action would narrow the 95 % interval of a leakage most, and which would lower the leakage.
 
-- To narrow the interval, an action reduces an error source. The contribution of this error source to the interval of
-  ln(leakage) is multiplied by a factor, and the contributions of all other error sources are not changed.
+- An action that narrows the interval reduces an error source. The contribution of this error source to the interval of
+  ln(leakage) is multiplied by a factor, and all other contributions remain the same.
 - To lower the leakage, the load is increased. The leakage is extrapolated along the loading curve to the higher load.
 - To lower the leakage, the roughness heights are reduced. The leakage of the smoother surface follows from a scaling
   law, see `_slope_over_heights`.
@@ -88,7 +88,7 @@ class Narrowing:
     action : str
         Description of the action.
     lower, upper : float
-        Estimated lower and upper end of the 95 % interval after the action [m²/s].
+        Estimated lower and upper ends of the 95 % interval after the action [m²/s].
     is_best_case : bool
         True if it is unknown how much the action reduces the error source. If True, `lower` and `upper` are computed as
         if the action removed the error source completely.

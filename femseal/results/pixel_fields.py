@@ -96,7 +96,7 @@ def plan_fields(run: Results, limit: float) -> tuple[Indices, list[str]]:
 
 
 def write_fields(run: Results, steps: Indices, folder: Path) -> list[Path]:
-    """Write the fields over the pixels of a study in memory at some load steps, and return the paths of all files."""
+    """Write the pixel fields of a study in memory for some load steps, and return the paths of all files."""
     assert run.scene is not None
     spacing = run.scene.surface.spacing
     loads = vtk_files.loads_of(run.dataset)

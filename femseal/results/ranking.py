@@ -34,7 +34,7 @@ class Ranking:
     leakage : array
         Absolute value of the leakage of each run, (run,), all in the same unit; NaN if it is unknown.
     lower, upper : array
-        Lower and upper end of the 95 % interval of the leakage of each run, (run,). For a run without an interval,
+        Lower and upper ends of the 95 % interval of the leakage of each run, (run,). For a run without an interval,
         `lower` and `upper` are equal to the leakage.
     has_intervals : bool
         True if all runs have an interval.

@@ -80,7 +80,7 @@ class Results(Plotted):
 
     @property
     def method(self) -> str:
-        """Method that computed `leakage`, which is "median", "two-scale", "blocks" or "deterministic"."""
+        """Name of the method that computed `leakage`, one of "median", "two-scale", "blocks" and "deterministic"."""
         return best_leakage.best_method(self.dataset)
 
     @property
@@ -134,7 +134,7 @@ class Results(Plotted):
 
     @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
-        """The unit `leak_unit`, and the leakage per unit seal length [m²/s] that has the value 1 in this unit."""
+        """The unit `leak_unit`, and the leakage per unit seal length [m²/s] that corresponds to 1 in this unit."""
         return self.leak_unit, self.leak_basis.factor(self.leak_unit)
 
     @property
@@ -165,7 +165,7 @@ class Results(Plotted):
 
     @property
     def class_interval(self) -> tuple[Array, Array] | None:
-        """Lower and upper end of the 95 % interval of the class leakage, two arrays (step,) [m²/s].
+        """Lower and upper ends of the 95 % interval of the class leakage, two arrays (step,) [m²/s].
 
         The values are NaN where an end of the interval is unknown. The property is None if the run has no error budget.
         """
@@ -173,17 +173,17 @@ class Results(Plotted):
 
     @property
     def has_failed(self) -> Flags:
-        """Flag for each step, True if the leakage of the service fluid or of the test fluid could not be computed."""
+        """Flag for each step, True if the leakage of the service fluid or the test fluid could not be computed."""
         return best_leakage.failed_steps(self.dataset)
 
     @property
     def classes(self) -> list[str]:
-        """Text for each step with the tightest class of each standard that is met, see `tightest_classes`."""
+        """Tightest class of each standard that is met, as a string for each step, see `tightest_classes`."""
         return tightest_classes(self.dataset)
 
     @property
     def verdicts(self) -> tuple[Any, ...]:
-        """Verdicts that say for each leakage class of the case whether it is met, and which load it requires."""
+        """Verdicts on the leakage classes of the case, each with the load that the class requires."""
         return tuple(display_package("results").verdicts_of(self))
 
     @property

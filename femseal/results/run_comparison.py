@@ -74,7 +74,7 @@ class RunComparison(Plotted):
         return np.asarray(results.leakage.values / self._factor(run))
 
     def band(self, run: int) -> tuple[Array, Array] | None:
-        """Return the lower and upper quantile of the leakage of the realisations of a run.
+        """Return the lower and upper quantiles of the leakage of the realisations of a run.
 
         Each quantile is an array (step,) in `unit`. The method returns None if the run has no realisations.
         """
@@ -86,7 +86,7 @@ class RunComparison(Plotted):
         return lower, upper
 
     def interval(self, run: int) -> tuple[Array, Array] | None:
-        """Return the lower and upper end of the 95 % interval of the leakage of a run.
+        """Return the lower and upper ends of the 95 % interval of the leakage of a run.
 
         Each end of the interval is an array (step,) in `unit`. The method returns None if the run has no error budget.
         """
@@ -218,12 +218,12 @@ class RunComparison(Plotted):
         -------
         TextTable
             Table with one line for each run. The first columns contain the keys of a sweep, or the name of the run if
-            the runs are not a sweep. A column for the method follows if the method differs between the runs. If the
-            cases have leakage classes in common, further columns contain the load that is required to meet each class.
-            The next columns contain the leakage, with its 95 % interval in brackets, at a few load steps that all runs
-            have in common, or at the highest load of each run. The last column contains the rank, where rank 1 is the
-            run that leaks least. If the intervals of several runs overlap, the last column contains the range of
-            possible ranks.
+            the runs are not a sweep. If the runs differ in their method, a column for the method follows. If the cases
+            have leakage classes in common, further columns contain the load that is required to meet each class. The
+            next columns contain the leakage, with its 95 % interval in brackets, at a few load steps that all runs have
+            in common, or at the highest load of each run. The last column contains the rank, where rank 1 is the run
+            that leaks least. If the intervals of several runs overlap, the last column contains the range of possible
+            ranks.
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:
@@ -266,7 +266,7 @@ class RunComparison(Plotted):
 
         Returns
         -------
-        Pairs, one for each column of leakage: heading of the column, and index of its load step in every run.
+        One pair per leakage column: its heading, and the index of its load step in every run.
         """
         common = self.common_steps
         if not common:
@@ -289,9 +289,9 @@ class RunComparison(Plotted):
     def ranking(self) -> Ranking | None:
         """Ranking of the runs by their leakage at a load on loading that all runs have in common.
 
-        The load of the ranking is the highest common load at which at least two runs leak. If there is no common load
-        at which at least two runs leak, the runs are ranked at the highest common load. The ranking is None if the runs
-        have no load on loading in common.
+        The load of the ranking is the highest common load at which at least two runs leak. If there is no such load,
+        the runs are ranked at the highest common load. The ranking is None if the runs have no load on loading in
+        common.
         """
         step = self._ranked_step
         return None if step is None else self._ranking_at(step)
@@ -407,7 +407,7 @@ def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None)
 
 
 def named(arguments: Sequence[str]) -> Mapping[str, Run] | Sequence[Run]:
-    """Convert arguments of the command line to the argument `runs` of `compare`.
+    """Convert command-line arguments to the argument `runs` of `compare`.
 
     Each argument has the form DIR or NAME=DIR. If at least one run has a name, the other runs are named after the last
     part of their path.

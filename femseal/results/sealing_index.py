@@ -17,7 +17,7 @@ k = k₀ (p/p₀)⁻ⁿ, the leakage q is at most the limit q_class of a leakage
     ∫ pⁿ dl ≥ p₀ⁿ k₀ D / q_class.
 
 The permeability of the seal of a run is k = q w/D, with the width w of the seal. The permeability of a stochastic seal
-includes the effect of detours of the flow around tiles with a low permeability.
+includes the effect of flow that makes a detour around tiles with a low permeability.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ class IndexLimit:
     value : float
         Smallest sealing index that meets the class according to the computed leakage [Paⁿ m].
     lower, upper : float
-        Lower and upper end of the 95 % interval of `value` [Paⁿ m], which includes the deviation from the power law.
+        Lower and upper ends of the 95 % interval of `value` [Paⁿ m]; they include the deviation from the power law.
         The ends are NaN if the leakage has no 95 % interval. `upper` is inf if the error of the leakage has no upper
         bound.
     exponent : float
@@ -271,7 +271,7 @@ def integrate_power(positions: ArrayLike, pressures: ArrayLike, exponent: float)
     Parameters
     ----------
     positions : array_like
-        Positions along the direction of the leakage, in rising order [m].
+        Positions along the direction of the leakage, in ascending order [m].
     pressures : array_like
         Contact pressure at each position, >= 0 [Pa].
     exponent : float
@@ -343,8 +343,8 @@ def sealing_indices(
     Returns
     -------
     tuple of SealingIndex
-        A sealing index for each range of pressures: the ranges on loading in falling order of pressure, then the ranges
-        on unloading in falling order of pressure.
+        A sealing index for each range of pressures: first the ranges on loading, then the ranges on unloading, each in
+        descending order of pressure.
 
     Raises
     ------

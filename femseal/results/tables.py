@@ -145,7 +145,7 @@ def _interval_columns(run: Results, factor: float) -> list[Column]:
     Parameters
     ----------
     run : results of a run.
-    factor : leakage per unit seal length [m²/s] that has the value 1 in the unit of the table.
+    factor : leakage per unit seal length [m²/s] that corresponds to 1 in the unit of the table.
     """
     data = run.dataset
     budget = run.budget
@@ -175,7 +175,7 @@ def totals_table(run: Results) -> TextTable:
 
 
 def _load_columns(data: xarray.Dataset) -> list[Column]:
-    """Return the columns with the branch, the force if the case gives forces, and the nominal pressure."""
+    """Return the columns for the branch, the force (if the case gives forces) and the nominal pressure."""
     scale = force_scale(data)
     load_text = loads_as_given(data)
     pressures = data["nominal_pressure"].values.tolist()
@@ -191,7 +191,7 @@ def _load_columns(data: xarray.Dataset) -> list[Column]:
 def _value_texts(variable: xarray.DataArray, factor: float) -> list[str]:
     """Convert the values of a variable at all load steps to strings.
 
-    A leakage is divided by `factor`, the leakage [m²/s] that has the value 1 in the unit of the table. A fraction is
+    A leakage is divided by `factor`, the leakage [m²/s] that corresponds to 1 in the unit of the table. A fraction is
     given in per cent.
     """
     unit = variable.attrs["units"]
@@ -208,7 +208,7 @@ def leakage_texts(run: Results, factor: float) -> list[str]:
     Parameters
     ----------
     run : results of a run.
-    factor : leakage per unit seal length [m²/s] that has the value 1 in the unit of the table.
+    factor : leakage per unit seal length [m²/s] that corresponds to 1 in the unit of the table.
     """
     return _with_open_steps(run, _value_texts(run.leakage, factor))
 
@@ -257,7 +257,7 @@ def format_leakage(value: float, factor: float) -> str:
     Parameters
     ----------
     value : leakage per unit seal length [m²/s].
-    factor : leakage per unit seal length [m²/s] that has the value 1 in the unit of the text.
+    factor : leakage per unit seal length [m²/s] that corresponds to 1 in the unit of the text.
     """
     if np.isnan(value):
         return "failed"
@@ -272,8 +272,8 @@ def format_interval(low: float, high: float, factor: float, leakage: float) -> s
 
     Parameters
     ----------
-    low, high : lower and upper end of the 95 % interval [m²/s].
-    factor : leakage per unit seal length [m²/s] that has the value 1 in the unit of the text.
+    low, high : lower and upper ends of the 95 % interval [m²/s].
+    factor : leakage per unit seal length [m²/s] that corresponds to 1 in the unit of the text.
     leakage : leakage whose interval is written [m²/s].
 
     Examples
@@ -301,7 +301,7 @@ def format_interval(low: float, high: float, factor: float, leakage: float) -> s
 
 
 def _joined(low: str, high: str) -> str:
-    """Join the lower and the upper end of an interval by a dash, or by "to" where a dash could be misread."""
+    """Join the lower and upper ends of an interval by a dash, or by "to" where a dash could be misread."""
     is_ambiguous = low.startswith("-") or high.startswith(">")
     return f"{low} to {high}" if is_ambiguous else f"{low}–{high}"
 

@@ -142,7 +142,7 @@ def add_realisations(
     ----------
     data : dataset that is extended.
     result : result of the stochastic study.
-    quantiles : probabilities of the lower and the upper quantile of the leakage. The quantiles are only added if the
+    quantiles : probabilities of the lower and upper quantiles of the leakage. The quantiles are only added if the
         number of realisations is sufficient.
     """
     add_declared(data, result)

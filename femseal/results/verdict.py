@@ -5,9 +5,9 @@ The report, the tables, the answer of a design and the terminal output state the
 the module `verdict_text` puts the required load into words.
 
 Between load steps, ln(leakage) is interpolated linearly in ln(pressure). Interpolation is impossible if the seal is
-sealed at one of the two steps, or if one of the two loads is zero. If interpolation is impossible, the load of the step
-that meets the limit is taken as the required load. The leakage is not extrapolated to loads outside the load cycle. If
-a required load lies outside the load cycle, it is only known to be above the highest load or below the lowest load.
+sealed at one of the two steps, or if one of the two loads is zero. If interpolation is impossible, the required load is
+the load of the step that meets the limit. The leakage is not extrapolated to loads outside the load cycle. If a
+required load lies outside the load cycle, it is only known to be above the highest load or below the lowest load.
 
 A leakage class is regarded as not met at a load at which the computation failed or the fluid carries the whole load. A
 class is also regarded as not met if the computed leakage is zero, but its 95 % interval has no upper bound.
@@ -99,7 +99,7 @@ class NeededPressure:
 
         Parameters
         ----------
-        value : required pressure [Pa], which is the attribute `value`, `computed` or `low` of this object.
+        value : required pressure [Pa], one of the attributes `value`, `computed` and `low` of this object.
         load_text : function that converts a nominal pressure to text.
         """
         load = load_text(self.bound(value))
@@ -133,7 +133,7 @@ class LeakageCurve:
     leakage : array
         Absolute value of the leakage per unit seal length, (step,) [m²/s]; inf where the leakage is unknown.
     lower, upper : array
-        Lower and upper end of the 95 % interval, (step,) [m²/s]. The intervals of the steps are made consistent by the
+        Lower and upper ends of the 95 % interval, (step,) [m²/s]. The intervals of the steps are made consistent by the
         rule that the leakage does not increase with the load, see `within_others`. Without an interval, `lower` and
         `upper` are equal to the leakage.
     has_interval : bool
@@ -162,7 +162,7 @@ class LeakageCurve:
         leakage : array
             Leakage per unit seal length, of either sign, (step,) [m²/s]; NaN where unknown.
         interval : pair of arrays, optional
-            Lower and upper end of the 95 % interval, (step,) [m²/s] each; NaN where unknown.
+            Lower and upper ends of the 95 % interval, (step,) [m²/s] each; NaN where unknown.
         """
         magnitude = np.abs(reals(leakage))
         magnitude = np.where(np.isnan(magnitude), inf, magnitude)
@@ -223,11 +223,11 @@ class LeakageCurve:
     def _needed(
         self, pressures: Array, steps: Indices, limit: float, on_unloading: bool
     ) -> NeededPressure:
-        """Find the pressures at which the leakage, and the lower and the upper end of its interval, reach a limit.
+        """Find the pressures at which the leakage, and the lower and upper ends of its interval, reach a limit.
 
         Parameters
         ----------
-        pressures : pressure by which each step is identified in the result, in falling order [Pa]. A step after
+        pressures : pressure by which each step is identified in the result, in descending order [Pa]. A step after
             relaxation is identified by its assembly pressure, and any other step by its nominal pressure.
         steps : indices of the steps whose leakage is compared with the limit.
         limit : largest permitted leakage per unit seal length [m²/s].
@@ -259,7 +259,7 @@ class LeakageCurve:
 
 
 def falling_steps(steps: LoadProgramme, peak: float | None = None) -> Indices:
-    """Return the indices of the steps on loading, or on unloading from a load `peak`, in falling order of the load.
+    """Return the indices of the steps on loading, or on unloading from a load `peak`, in descending order of the load.
 
     The steps on unloading from a load `peak` begin with the step on loading at which this load is reached.
     """
@@ -276,7 +276,7 @@ def relaxed_steps(steps: LoadProgramme, relaxation: float) -> tuple[Array, Indic
 
     relaxation : fraction of the assembly pressure that is lost.
 
-    Returns the assembly pressures in falling order [Pa], and for each of them the index of the step after relaxation.
+    Returns the assembly pressures in descending order [Pa], and for each the index of the step after relaxation.
     """
     index_of = {step: index for index, step in enumerate(steps)}
     peaks = np.array(steps.unload_from[::-1])
@@ -290,7 +290,7 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
     Parameters
     ----------
     pressure : array
-        Pressures in falling order, (step,) [Pa].
+        Pressures in descending order, (step,) [Pa].
     leakage : array
         Leakage of each seal per unit seal length, (seal, step) [m²/s].
     limit : float

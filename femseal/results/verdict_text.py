@@ -76,7 +76,7 @@ def verdict_paragraphs(
 
 
 def seal_name(results: Results) -> str:
-    """Return "the whole seal" or, if the case states no length of the seal, the assumed length of the seal."""
+    """Return "the whole seal" or, if the case gives no seal length, the assumed length of the seal."""
     case = results.case
     is_strip = (case.get("seal") or {}).get("kind", "rectangular") == "rectangular"
     has_length = "length" in (case.get("stochastic") or {})
@@ -443,8 +443,8 @@ def verdict_table(
 ) -> TextTable:
     """Return a table with a line for each verdict.
 
-    The columns are the class, the limit of the class, and the required loads. Each required load has two columns: for
-    the computed leakage to meet the class, and for the whole 95 % interval to meet the class.
+    The columns are the class, the limit of the class, and the required loads. Each required load has two columns, one
+    for the computed leakage to meet the class, and one for the whole 95 % interval to meet it.
 
     Parameters
     ----------
