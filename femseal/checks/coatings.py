@@ -44,8 +44,8 @@ def coating_depth_warnings(scene: Scene, plastic_depth: Array | None) -> Iterato
         The surface, its load and its coatings.
     plastic_depth : array (steps,) or None
         Largest plastic deformation [m]. None if the scene has not been solved yet. The function then uses an upper
-        bound of the depth: all points above a certain height are flattened to this height, and carry the load at a
-        pressure equal to the hardness.
+        bound: all points above a certain height are flattened to that height and carry the load at a pressure equal to
+        the hardness.
     """
     if not scene.coatings or not isfinite(scene.law.mean_hardness):
         return

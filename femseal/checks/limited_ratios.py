@@ -83,7 +83,7 @@ def _ratio(numerator: Array, denominator: Array) -> Array:
 
 
 def _is_limited(ratio: Array, largest: float) -> Flags:
-    """Return where a ratio is at its largest or smallest value, or beyond it; False where it is NaN."""
+    """Return where a ratio reaches or passes its upper or lower limit; False where it is NaN."""
     is_limited: Flags = np.abs(np.log(ratio)) >= np.log(largest) * (1 - _SLACK)
     return is_limited
 

@@ -2,8 +2,8 @@
 
 The heights of the generated surface are scaled, so that the surface has the Ra or Rz of the drawing. The surface is as
 wide as the seal. With equal widths, the cells of the seal have the same order as on the surface. The length of the
-surface is at least 24 times the spacing of the machining marks. docs/evidence/drawing.md shows that the leakage of
-longer surfaces differs little.
+surface is at least 24 times the spacing of the machining marks. docs/evidence/drawing.md shows that longer surfaces
+have nearly the same leakage.
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ class Question(NamedTuple):
     text : str
         The question.
     assumed : str
-        The assumed value as text. The text is "" if the user must answer the question, and also if the missing value is
+        The assumed value as text. The text is "" if the user must answer the question, or if the missing value is
         derived from other answers.
     """
 

@@ -50,7 +50,7 @@ def check_memory_of_points(key: str, shape: Shape, patches: int = 1) -> None:
     """Raise InputError if a surface does not fit into the free memory.
 
     key : key of the case, for the message.
-    shape : numbers of points of the surface along x1 and x2, for all patches together.
+    shape : numbers of points along x1 and x2 of all patches together.
     patches : number of patches.
     """
     together = f" of {patches} patches together" if patches > 1 else ""

@@ -235,7 +235,7 @@ def _pair_patches(
 ) -> list[tuple[RepairedMap, RepairedMap]]:
     """Return the pairs of patches that are in contact: patch n of one face with patch n of the other face.
 
-    If one face has fewer patches than the other face, its patches are used again, beginning with its first patch.
+    If one face has fewer patches than the other, its patches are reused, starting with the first.
     """
     count = max(len(first_face), len(second_face))
     return [

@@ -137,7 +137,7 @@ def survey(
     path, channel, reading
         Arguments that are passed to `read_topography`. Lengths are given as texts with a unit.
     picture : Path or None
-        Picture to write, .png, .pdf or .svg; None for no picture.
+        Picture file to write (.png, .pdf or .svg); None for no picture.
     spikes, detrend, shortest_wave, max_undefined
         Values of the keys `spikes`, `detrend`, `shortest_wave` and `max_undefined` in the table [surface] of a case.
 

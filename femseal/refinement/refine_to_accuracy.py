@@ -220,7 +220,7 @@ def finer_settings(
 
 
 class _Refinement(NamedTuple):
-    """Describe a new value of one setting, which approximately halves the error from one error source.
+    """Describe a new value of one setting that approximately halves the error from one source.
 
     setting : name of the setting in `Settings`.
     value : new value of the setting.
@@ -476,11 +476,11 @@ class _Attempts:
 
     @property
     def _so_far(self) -> tuple[str, int]:
-        """Case as text and number of finished attempts; together, they identify a stored decision of the run."""
+        """Case as text, and number of completed attempts, which together identify a stored decision of the run."""
         return json.dumps(self.case.echo(), default=str), len(self.done)
 
     def half_error(self) -> str:
-        """Say which settings would halve the largest error of the last attempt, and the time that this takes."""
+        """Say which settings would halve the largest error of the last attempt, and how long this would take."""
         last = self.done[-1]
         finer, change = finer_settings(
             self.case, self.original, last.settings, last.limit, self.memory

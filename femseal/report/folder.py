@@ -162,7 +162,7 @@ def _replace_files(
     kept_files : sequence of Path, optional
         Files of the earlier run that remain in the folder, relative to `target`. If `kept_files` is given, `results`
         were read from this folder, and its file `results.nc` may be their only copy. The file `results.nc` is therefore
-        not removed before a new file replaces it.
+        kept until a new file replaces it.
 
     Returns
     -------

@@ -51,8 +51,8 @@ def write_report(
 
     The page begins with the verdict: the leakage classes, the leakage, the accuracy, and the measures that would help
     most. The next sections are warnings, the leakage against load, maps, cells, faces, tables and the error budget. The
-    page is made from the dataset and the fields over the pixels alone. A page that is made later from the results
-    folder is therefore identical to the page of the run.
+    page is made from the dataset and the pixel fields only, so that a page made later from the results folder is
+    identical to the page of the run.
 
     Parameters
     ----------

@@ -89,7 +89,7 @@ class ContactGrid:
 
     @classmethod
     def _over_mesh(cls, tiles: SealTiles) -> ContactGrid:
-        """Cover a mesh with squares of half the side of an average tile, within limits for the number of squares."""
+        """Cover a mesh with squares whose side is half that of an average tile, within limits for their number."""
         import pyvista
 
         mesh = tiles.seal.mesh

@@ -63,7 +63,7 @@ class Lay:
         centre : tuple of two float
             Centre of a radial, circumferential or spiral lay [m].
         unit : float
-            Length [m] of the unit in which the file of a vector field contains its coordinates.
+            Unit of the coordinates in the file of a vector field, as a length [m].
 
         Returns
         -------
@@ -118,7 +118,7 @@ class Lay:
 def check_size(name: str, size: float, unit: str = "") -> None:
     """Raise InputError if a seal is so small or so large that its unit is probably wrong.
 
-    name : name of the parameter with the size, for the message.
+    name : name of the size parameter, for the message.
     size : size of the seal [m].
     unit : unit of the size in the user's input, for the message.
     """

@@ -335,9 +335,9 @@ class ElementSeal:
     """Define a seal whose permeability is constant on each element and varies at random from element to element.
 
     The flow is computed as the geometric mean of two bounds: an upper bound from elements with continuous pressures,
-    and a lower bound from elements with continuous fluxes. In tests with random permeabilities whose logarithm has a
-    symmetric distribution, the error of the geometric mean was at most 3 %, even if the upper bound was several times
-    the lower bound.
+    and a lower bound from elements with continuous fluxes. In tests with random permeabilities whose logarithm is
+    symmetrically distributed, the error of the geometric mean was at most 3 %, even if the upper bound was several
+    times the lower bound.
 
     Attributes
     ----------

@@ -63,7 +63,7 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
     path : str or PathLike
         File in a format that meshio can read.
     unit : float
-        Length [m] of the unit in which the file contains the coordinates.
+        Unit of the coordinates in the file, as a length [m].
 
     Returns
     -------
@@ -420,8 +420,8 @@ class _FieldOnTriangles(NamedTuple):
 def _read_triangles(file: Path, name: str) -> _FieldOnTriangles:
     """Read a field from a mesh file, and divide all cells of the mesh into triangles.
 
-    Cell data are constant in each cell and differ between neighbouring cells. For cell data, each triangle has three
-    separate points, which all have the value of the cell.
+    Cell data are constant in each cell and differ between neighbouring cells. For cell data, each triangle has its own
+    three points, all with the value of the cell.
     """
     data = read_data(file)
     # for each division of a block of cells into triangles: index of the block, and corners of one triangle per cell

@@ -240,11 +240,10 @@ def blocks_of(cells: Shape | None) -> Shape:
 
 
 def usual_blocks(points: Shape) -> Shape:
-    """Choose the smallest numbers of blocks for which a block has at most 1024 points along a side.
+    """Choose the smallest numbers of blocks such that no block has more than 1024 points along a side.
 
     Along each axis, all blocks and all cells must have equal numbers of points. If the points along an axis cannot be
-    divided in this way, two blocks are returned for the axis. `check_blocks` raises an error for such numbers of
-    blocks.
+    divided in this way, two blocks are returned for this axis, which `check_blocks` then rejects.
     """
     counts = []
     for n in points:

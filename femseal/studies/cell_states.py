@@ -147,7 +147,7 @@ def permeabilities_of_patches(
     -------
     array (patches,) or (2 × patches,), m³
         Permeability of each single patch. With at least three patches, the second half of the array contains the
-        permeabilities of all patches but one. A permeability is NaN if the flow solver failed.
+        permeabilities with each patch left out in turn. A permeability is NaN if the flow solver failed.
     """
     patches = split_patches(gap, widths)
     selections = [[patch] for patch in patches]

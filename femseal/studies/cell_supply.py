@@ -121,8 +121,8 @@ class CellSupply:
     def _interpolate(self, values: Array, paths: Array, weights: Array) -> Array:
         """Interpolate a quantity of the contact states along pressure paths, and average over the paths.
 
-        The contact pressure at which the quantity is interpolated is the nominal pressure minus the relief by the mean
-        fluid pressure, see `mean_relief`.
+        The contact pressure at which the quantity is interpolated is the nominal pressure less the relief due to the
+        mean fluid pressure, see `mean_relief`.
 
         Parameters
         ----------
@@ -151,7 +151,7 @@ class CellSupply:
     def patch_state(self, open_leakage: Array) -> PatchState:
         """Return the contact state of the patch at each load step, for the width of the 95 % interval.
 
-        The contact states are taken at the nominal pressures minus the relief by the mean fluid pressure, see
+        The contact states are taken at the nominal pressures less the relief due to the mean fluid pressure, see
         `mean_relief`.
 
         open_leakage : leakage of a uniform gap that is equal to the mean gap of the contact state (steps,) [m²/s].

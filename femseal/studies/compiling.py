@@ -34,7 +34,7 @@ log = logging.getLogger("femseal")
 def compile_ahead(mapper: Mapper, progress: Progress = no_progress) -> None:
     """Compile the loops of contact and flow in the processes of a mapper, unless the loops are already compiled.
 
-    progress : function that is called as progress(stage, done, total) when a part of the loops has been compiled.
+    progress : callback progress(stage, done, total), called after each part of the loops has been compiled.
     """
     record = _record()
     if record is None or record.exists():

@@ -1,4 +1,4 @@
-"""Compute the leakage of a second fluid, such as the gas of a leak test, through the seals of a study."""
+"""Compute the leakage of a second fluid, such as a leak-test gas, through the seals of a study."""
 
 from __future__ import annotations
 

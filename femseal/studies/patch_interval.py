@@ -2,7 +2,7 @@
 
 The intervals are calibrated with simulated surfaces whose true leakage is known. The file `interval_calibration.csv`
 contains, for every load step of these surfaces, the leakage of the whole surface (the true leakage) and the leakage
-that was computed from a patch of the whole surface. The file distinguishes four kinds of computation:
+computed from a patch of it. The file distinguishes four kinds of computation:
 
 - "in order": the seal is made of the cells of a patch in their original order.
 - "at random": each tile of the seal takes a random cell of a patch.
@@ -125,8 +125,8 @@ class Difficulty:
         Coefficient d (error due to channels between cells): `detours_below` for the lower end of the 95 % interval,
         `detours_above` for the upper end.
     largest_ratio : float
-        Limit of the upper end of an interval, divided by the leakage of an open seal. If twice the computed leakage is
-        larger than this limit, the upper end is limited to twice the computed leakage.
+        Limit of the upper end of an interval, relative to the leakage of an open seal. The limit is raised to twice the
+        computed leakage if this is larger.
     fraction : float
         Fraction of the true leakages in the calibration set that the calibrated intervals must contain.
     """
@@ -234,7 +234,7 @@ class IntervalWidths:
         kind : str
             One of `KINDS`.
         rows : sequence of mapping
-            Rows of the calibration set that belong to the kind `kind`. Each row of the set describes a load step of a
+            Rows of the calibration set for this kind of computation. Each row of the set describes a load step of a
             scene.
         two_patches : bool
             If True, use only rows computed from two patches together; if False, only rows computed from a single patch.
@@ -386,9 +386,8 @@ def sealed_end() -> float:
 def interval_widths(kind: str, patches: int = 1) -> IntervalWidths:
     """Return the calibrated widths of the 95 % intervals for a kind of computation and a number of measured patches.
 
-    For two or more patches, the widths are calibrated with leakages that were computed from two patches together. If
-    the calibration set contains no leakages from two patches for a kind of computation, the widths for a single patch
-    are returned.
+    For two or more patches, the calibration uses leakages computed from two patches together. If the calibration set
+    contains no such leakages for the kind of computation, the widths for a single patch are returned.
     """
     rows = calibration_rows(kind)
     has_two = any(row["patch"] == _BOTH_PATCHES for row in rows)

@@ -15,9 +15,9 @@ does not vary along the seal, its contact is solved in plane strain.
 
 The uniform part p₀ of the pressure is the smallest mean pressure of a row of points along the seal. The model neglects
 the deformation of the bodies by the uniform part p₀. In this model, a seal without form deviation has a uniform
-pressure, as in all other studies. With the deformation by p₀, the same seal would act as a flat punch, with up to three
-times the mean pressure at its edges. If the contact band does not reach the edges of the seal, p₀ is 0, and the contact
-is computed exactly as for two half-spaces.
+pressure, as in all other studies. If the deformation by p₀ were included, the same seal would act as a flat punch, with
+up to three times the mean pressure at its edges. If the contact band does not reach the edges of the seal, p₀ is 0, and
+the contact is computed exactly as for two half-spaces.
 
 The model of a rough layer on smooth bodies follows Greenwood & Tripp, J. Appl. Mech. 34, 1967, 153.
 """

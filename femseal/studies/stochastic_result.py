@@ -95,10 +95,10 @@ class MedianSeal(Shown):
 def find_median_realisation(leakage: Array) -> int | None:
     """Return the number of the median realisation, whose leakage is nearest to the median leakage.
 
-    The distance of a realisation from the median is the mean of |ln(leakage/median leakage)| over the load steps. The
-    mean does not include load steps at which all realisations failed or the median leakage is negligible. None is
-    returned if all realisations are sealed, or if every realisation failed at some load step at which other
-    realisations were solved.
+    The distance of a realisation from the median is the mean of |ln(leakage/median leakage)| over the load steps. Load
+    steps at which all realisations failed, or at which the median leakage is negligible, are excluded from the mean.
+    None is returned if all realisations are sealed, or if each of them failed at some load step at which others were
+    solved.
 
     leakage : leakage of each realisation at each load step (realisations, steps).
     """

@@ -56,11 +56,12 @@ def stochastic(
     """Compute the leakage of seals of any size and shape, whose tiles take random cells of a surface.
 
     The contact of the whole surface is solved, and the surface is then cut into cells. The cells stay in order if the
-    seal is as wide as the surface and all tiles have the same pressure. For cells in order, the contact is solved at
-    the load steps of the scene. For cells at random, the contact is solved at tabulated pressures, and the permeability
-    of a cell is interpolated at the contact pressure of its tile. The contact pressure of a tile is its nominal
-    pressure minus the pressure that the fluid carries. The permeabilities are multiplied by a correction factor for
-    each axis and contact state, so that the grid of cells in their original order leaks as much as the whole surface.
+    seal is as wide as the surface and all tiles have the same pressure. If the cells stay in order, the contact is
+    solved at the load steps of the scene. For cells at random, the contact is solved at tabulated pressures, and the
+    permeability of a cell is interpolated at the contact pressure of its tile. The contact pressure of a tile is its
+    nominal pressure minus the pressure that the fluid carries. The permeabilities are multiplied by a correction factor
+    for each axis and contact state, so that the grid of cells in their original order leaks as much as the whole
+    surface.
 
     Parameters
     ----------

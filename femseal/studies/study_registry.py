@@ -173,9 +173,9 @@ def count_pressures(scene: Scene) -> int:
 
 
 def contact_tolerance(accuracy: float) -> float:
-    """Return the largest tolerance of the contact solver with which the leakage is accurate enough.
+    """Return the largest contact-solver tolerance at which the leakage is still accurate enough.
 
-    The returned tolerance causes at most a tenth of the relative error that is allowed for the leakage.
+    The returned tolerance causes at most a tenth of the allowed relative error of the leakage.
 
     Parameters
     ----------
@@ -250,7 +250,7 @@ def contact_fraction_of(study: object, steps: LoadProgramme) -> Array:
     """Return the fraction of the surface in contact at every load step (steps,), NaN if the fraction is unknown.
 
     study : result of a study. steps : load steps at which the contact fraction is returned. For a stochastic result,
-    any load steps of the result can be selected; for other results, `steps` must be all load steps.
+    `steps` can be any load steps of the result; for other results, it must be all of them.
     """
     if isinstance(study, StochasticResult):
         indices = [study.steps.index(step) for step in steps]
