@@ -1,9 +1,9 @@
 """Estimate the error of a leakage, source by source: solver, pixels, filter, realisations, measured patch and model.
 
 `sources.py` lists all error sources, both for a run and for the forecast of its cost. Each error source names the
-modified versions of the input that must be solved (`versions.py`), and estimates the error from their leakages. An
-error budget describes the leakage that one study computed: `estimates.py` and `resolution.py` estimate its numerical
-errors, `changed_models.py` estimates the errors of the model, and `error_parts.py` combines all error sources into one
+modified versions of the input that must be solved (`versions.py`), and estimates the error from their leakages. There
+is one error budget for the leakage of each study. `estimates.py` and `resolution.py` estimate its numerical errors,
+`changed_models.py` estimates the errors of the model, and `error_parts.py` combines all error sources into one
 interval. All errors are expressed as distances from ln(leakage), because near closing the leakage is uncertain by a
 factor rather than by a difference.
 """

@@ -462,7 +462,7 @@ def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Arra
     The slope is computed from the leakages under neighbouring loads, but is at least `expected_sensitivity`. If there
     is no leakage at the neighbouring loads to give a slope, the slope is estimated as `STEEPEST` times
     `expected_sensitivity`. In nine of ten contact states, the true slope is at most `STEEPEST` times
-    `expected_sensitivity`, so that intervals that are computed from the slope are wide enough.
+    `expected_sensitivity`, so that the intervals computed from it are wide enough.
 
     in_contact : contact fraction (steps,), NaN where it is unknown.
     """
@@ -525,7 +525,7 @@ def sealed_upper(
 ) -> Array:
     """Estimate how much the seal may leak at load steps where the computed leakage is 0.
 
-    Returns the upper end of the 95 % interval at sealed steps, and 0 at leaking steps, array (steps,) [m²/s].
+    Returns an array (steps,) [m²/s] with the upper end of the 95 % interval at sealed steps, and 0 at leaking steps.
 
     An error of ln(leakage) has the effect of a shift of ln(load), see `_load_shift`. If this shift may open the seal at
     a sealed step, the leakage of the step is estimated from the nearest leaking step with a lower load: it is at most
@@ -655,8 +655,8 @@ def pixels_part(
     scene : input of the study.
     leakage : array (steps,), m²/s.
     coarse : solution on the coarser grid.
-    wave_pixels : number of pixels in the shortest wave. With more than `USUAL_PIXELS` pixels, the assumed shift of the
-        load is smaller, in inverse proportion to the number of pixels.
+    wave_pixels : number of pixels in the shortest wave. Above `USUAL_PIXELS` pixels, the assumed shift of the load
+        decreases in inverse proportion to the number of pixels.
     closing : whether the last leakage path is about to close at each step (steps,), see `near_closing`.
     in_contact : contact fraction (steps,).
     """

@@ -1,7 +1,7 @@
 """Estimate the errors that make up the error budget of a computed leakage.
 
-There are three groups of errors: numerical errors, errors of a method that were measured on a calibration set of
-surfaces, and effects that the model neglects.
+There are three groups of errors: numerical errors, errors of a method, measured on a calibration set of surfaces, and
+effects neglected by the model.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ _NEAR_CLOSING = 3.0
 def solver_part(scene: Scene, leakage: Array, in_contact: Array) -> ErrorPart:
     """Estimate the error of the contact and flow solvers from their residuals.
 
-    A residual of the contact solution changes the leakage as much as an error of the load would. The change of
-    ln(leakage) is proportional to the relative residual and to the slope |d ln(leakage)/d ln(load)|, see `_RESIDUAL`.
+    A residual of the contact solution changes the leakage as a change of the load would. The change of ln(leakage) is
+    proportional to the relative residual and to the slope |d ln(leakage)/d ln(load)|, see `_RESIDUAL`.
     """
     slope = sensitivity(scene.steps, leakage, in_contact)
     distance = _RESIDUAL * scene.rtol * np.maximum(slope, 1.0) + _FLOW
@@ -248,7 +248,7 @@ def patch_form_part(
 
 
 def thin_gap_part(scene: Scene, leakage: Array) -> ErrorPart | None:
-    """Estimate by how much Reynolds' equation overestimates the flow through a gap that is not thin.
+    """Estimate how much Reynolds' equation overestimates the flow through a gap that is not thin.
 
     Reynolds' equation overestimates the flow by a factor of at most 1 + h'², where h' is the rms slope. The factor
     follows from next-order lubrication theory for the gap h between a plane and a rough wall. The permeability k is
@@ -270,8 +270,8 @@ def longer_waves_part(
 
     The change of ln(leakage) was computed for n samples of random waves that are longer than the patch. The true long
     waves of the seal are regarded as a further sample. The interval of ln(leakage) is Student's prediction interval for
-    a further sample, m ± t s √(1 + 1/n), with the mean m and the standard deviation s of the n changes and the quantile
-    t of Student's distribution.
+    a further sample, m ± t s √(1 + 1/n), where m and s are the mean and the standard deviation of the n changes, and t
+    is the quantile of Student's distribution.
 
     Parameters
     ----------
@@ -380,12 +380,12 @@ def error_budget(
 class NumericalErrors:
     """Estimate the numerical errors of one study, and the error of measuring only a patch of the surface.
 
-    Each method estimates the error of one error source, and returns an empty list if the error source does not apply to
-    the study.
+    Each method estimates the error of one error source, and returns an empty list if this source does not apply to the
+    study.
     """
 
     def __init__(self, scene: Scene, study: StudyResult) -> None:
-        """Read the leakage and the contact fraction at every step (steps,) from the result of a study."""
+        """Read leakage and contact fraction at every step (steps,) from the result of a study."""
         self.scene = scene
         self.study = study
         self.leakage = study_of_result(study).leakage(study)

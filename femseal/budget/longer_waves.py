@@ -65,8 +65,8 @@ class DrawnForm:
     def heights(self, points: Array, frame: Frame) -> Array:
         """Compute the heights at points (n, 2) [m].
 
-        Each of the n waves has the amplitude √(2/n) times the rms height, so that the sum of the waves has the rms
-        height `rms_height`. The amplitude of the waves is reduced if the form deviation would exceed the flatness.
+        Each of the n waves has the amplitude √(2/n) times the rms height, so that their sum has the rms height
+        `rms_height`. The amplitude of the waves is reduced if the form deviation would exceed the flatness.
         """
         z = np.cos(points @ self.vectors.T + self.phases).sum(axis=1)  # for an amplitude of 1
         amplitude = self.rms_height * (2 / len(self.phases)) ** 0.5

@@ -1,8 +1,7 @@
 """Estimate the error of a leakage that is caused by missing waves of the surface, or by solving on one grid only.
 
 Waves are missing because a low-pass filter removed them, or because the instrument did not resolve them. If the
-spectrum is extrapolated, the phases of the extrapolated waves are arbitrary, and waves shorter than the shortest
-extrapolated wave are still missing.
+spectrum is extrapolated, the added waves have arbitrary phases, and even shorter waves are still missing.
 
 The effect of the missing waves on the leakage has an upper bound. If the missing waves were added, the surface would be
 steeper, and its gap would be about equal to the gap of the smoother surface under a lower load. By Persson's theory,
@@ -148,8 +147,7 @@ def continuation_part(
     in_contact : contact fraction, array (steps,).
     others : solutions in which the extrapolated waves have other random phases.
     shorter : solution without the shortest octave of the waves above the cut-off.
-    slope_ratio : rms slope of the surface, divided by the rms slope that includes the relevant waves shorter than the
-        cut-off.
+    slope_ratio : rms slope of the surface, divided by its rms slope with the relevant waves below the cut-off.
     """
     steps = scene.steps
     n = len(others) + 1

@@ -126,7 +126,7 @@ class Evaluation:
         self._solved: dict[int, tuple[Version, dict[str, VersionLeakage]]] = {}
 
     def solve(self, version: Version) -> dict[str, VersionLeakage]:
-        """Return the leakage that each study computes for a version of the input, by the key of the study."""
+        """Return the leakage from each study for a version of the input, by the key of the study."""
         if id(version) not in self._solved:
             self._solved[id(version)] = version, solved_version(version, self.mapper)
         return self._solved[id(version)][1]

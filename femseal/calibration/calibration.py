@@ -70,8 +70,8 @@ class Calibration(Plotted):
     Parameters
     ----------
     hardness, shortest_wave, factor : Estimate
-        Median and interval of the hardness [Pa], of the shortest wave [m], and of the ratio of the measured leakage to
-        the leakage of the model.
+        Median and interval of the hardness [Pa], of the shortest wave [m], and of the ratio of measured to computed
+        leakage.
     prior : dict of Estimate
         Median and range of the prior of each quantity, by its name.
     correlation : array (3, 3)

@@ -2,10 +2,10 @@
 
 The measured leakage is assumed to be the factor times the leakage of the model. ln(measured leakage) is normally
 distributed with the mean ln(factor) + ln(leakage of the model). The covariance of ln(measured leakage) at several loads
-is the sum of two parts: the errors of the test, which are independent of each other, and the errors of the surrogate,
-which are correlated between loads. If no leakage was detected at a load, the leak test has a sealed row. For a sealed
-row, the model must be sealed as well, or leak less than the limit of detection. The prior of each quantity is uniform
-in the logarithm of the quantity, within a given range.
+has two parts: the errors of the test, which are independent of each other, and the errors of the surrogate, which are
+correlated between loads. If no leakage was detected at a load, the leak test has a sealed row. For a sealed row, the
+model must be sealed as well, or leak less than the limit of detection. The prior of each quantity is uniform in the
+logarithm of the quantity, within a given range.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class FactorDensity:
     """Hold the posterior density of ln(factor) for several pairs of hardness and shortest wave.
 
     The posterior density is a product of two terms: a normal density of ln(factor), which follows from the measured
-    leakages, and the probabilities of the sealed rows of the test.
+    leakages, and the probabilities of the rows in which the test found no leakage.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class FactorDensity:
     sealed_limit : array (pairs, sealed rows)
         ln(limit of detection) − ln(leakage of the model) for each sealed row.
     sealed_deviation : array (pairs, sealed rows)
-        Standard deviation of ln(limit of detection) − ln(leakage of the model) for each sealed row.
+        Standard deviation of ln(limit of detection / leakage of the model) for each sealed row.
     sealed_is_open : array (pairs, sealed rows)
         Probability that the model leaks at the load of each sealed row.
     """
@@ -183,9 +183,9 @@ class Posterior:
         """Compute the posterior density of ln(factor) for several pairs of hardness and shortest wave.
 
         The factor is fitted by generalised least squares. For each pair, let r be the residuals ln(measured leakage) −
-        ln(leakage of the model) over the rows of the test with a leakage. The covariance C of the residuals is the sum
-        of the covariance of the surrogate and of the variance of the test. The best constant value of ln(factor) is
-        1·C⁻¹r / 1·C⁻¹1, with the variance 1 / 1·C⁻¹1, where 1 is a vector of ones.
+        ln(leakage of the model) in the rows of the test that have a leakage. The covariance C of the residuals is the
+        covariance of the surrogate plus the variance of the test. The best constant value of ln(factor) is 1·C⁻¹r /
+        1·C⁻¹1, with the variance 1 / 1·C⁻¹1, where 1 is a vector of ones.
 
         plane : pairs of hardness and shortest wave, scaled to points of the unit square, array (pairs, 2).
         """
@@ -224,11 +224,11 @@ class Posterior:
         """Draw quasi-random samples of the posterior in the unit cube.
 
         The unit square of hardness and shortest wave is divided into small squares, four times as many as samples. If a
-        quarter of the small squares contains nearly all of the probability, all other small squares are dropped, and
-        each remaining small square is divided into four. The division is repeated until the probability is spread over
-        more than a quarter of the small squares. Above each small square, the range of ln(factor) is divided into
-        slabs. For each sample, a Sobol sequence chooses a slab, according to the probabilities of the slabs, and a
-        point in the chosen slab.
+        quarter of the small squares contains nearly all of the probability, the others are dropped, and each of the
+        remaining ones is divided into four. The division is repeated until the probability is spread over more than a
+        quarter of the small squares. Above each small square, the range of ln(factor) is divided into slabs. For each
+        sample, a Sobol sequence chooses a slab, according to the probabilities of the slabs, and a point in the chosen
+        slab.
 
         The samples are insensitive to rounding errors. If the last digits of the density change, few samples move, and
         only to a neighbouring square. With a Markov chain, rounding errors would change all later samples.

@@ -2,8 +2,8 @@
 
 A simulation solves the case with a given hardness and a given shortest wave. The hardness and the shortest wave of a
 simulation are scaled to a point of the unit square. At each load, a Gaussian process models the cube root of the
-leakage. The cube root is used because the leakage of a closing channel is proportional to the cube of its gap, so that
-the cube root is a smooth function near sealing. The Gaussian process is the sum of
+leakage. The cube root is used because it is a smooth function near sealing: the leakage of a closing channel is
+proportional to the cube of its gap. The Gaussian process is the sum of
 
 - a linear trend,
 - a smooth process, with a squared exponential covariance, and
@@ -366,8 +366,8 @@ class Surrogate:
         """Predict the leakage at points (points, dimensions) of the unit cube.
 
         The Gaussian processes in `open` predict a value above 0 if the seal leaks. The predicted value is normally
-        distributed, so that the probability that the seal leaks is Φ(mean / deviation), with the mean and the standard
-        deviation of the predicted value and the normal distribution function Φ.
+        distributed, so that the seal leaks with the probability Φ(mean / deviation), where mean and deviation describe
+        the predicted value and Φ is the normal distribution function.
         """
         shape = len(points), len(self.common_class)  # (point, load)
         mean = np.zeros(shape)

@@ -107,7 +107,7 @@ def constraint_warnings(scene: Scene, leakage: Array, edge_distance: Array | Non
     leakage : array (steps,)
         Leakage in any unit, NaN where it is unknown.
     edge_distance : array (steps,) or None
-        Mean distance of the points that yield from the edge of their contact patch [m], NaN where it is unknown.
+        Mean distance [m] between the yielding points and the edge of their contact patch, NaN where it is unknown.
     """
     thickness, hardness_of_neighbour = _soft_layer(scene)
     if thickness == 0 or edge_distance is None or not np.isfinite(edge_distance).any():

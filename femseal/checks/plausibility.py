@@ -42,7 +42,7 @@ def result_warnings(
     plastic_depth : array, (steps,), or None
         Largest plastic deformation [m]; estimated from the heights if None.
     edge_distance : array, (steps,), or None
-        Mean distance of the points that yield from the edge of their contact patch [m], see
+        Mean distance [m] between the yielding points and the edge of their contact patch, see
         `contact.mean_edge_distance`; None or NaN where it is unknown.
     """
     texts = [*scene_warnings(scene)]

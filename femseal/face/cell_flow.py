@@ -1,7 +1,7 @@
 """Solve the flow through a whole surface at full resolution, and through one of its cells along one axis.
 
 The module also contains `attempt`, which records the failure of a solver instead of stopping a run, and `SolveCounts`,
-which counts the linear systems that each solver has solved.
+which counts the linear systems solved by each solver.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LARGEST_FLOW = 2**26
 
 @dataclass(frozen=True)
 class Failed:
-    """Replace the result of a solver that failed, so that a run can continue with the results of other solvers.
+    """Stand in for the result of a solver that failed, so that a run can continue with the results of other solvers.
 
     Attributes
     ----------

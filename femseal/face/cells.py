@@ -79,8 +79,8 @@ class Cut:
     Attributes
     ----------
     rows, columns : tuple of int
-        Index of the first point of each row of cells, and of each column of cells. The last entry of `rows` and of
-        `columns` is the number of points of the surface along x1 or x2.
+        Index of the first point of each row of cells, and of each column of cells. The last entry of `rows` is the
+        number of points of the surface along x1, and the last entry of `columns` is the number along x2.
     patch_of_column : tuple of int
         Number of the measured patch to which each column of cells belongs, from 0.
     spacing : tuple of two float
@@ -230,8 +230,7 @@ def _points_with_overlaps(
     Parameters
     ----------
     cell, patch : tuple of two int
-        Range (first, last + 1) of the points of the cell, and range of the points of the measured patch that contains
-        the cell.
+        Ranges (first, last + 1) of the points of the cell and of the measured patch that contains it.
     boundary : str
         How the patch continues beyond its border, see `Cut.split_with_overlaps`.
 
@@ -296,7 +295,7 @@ class CellState:
     carriers : float
         Effective number of blocks that carry the flow through the whole surface, see `participation_number`.
     edge_distance : float
-        Mean distance of the points that yield from the edge of their contact patch [m], see
+        Mean distance [m] between the yielding points and the edge of their contact patch, see
         `contact.mean_edge_distance`; NaN without a coating.
     """
 

@@ -5,8 +5,8 @@ interpolated monotonically over the cube root of the pressure (PCHIP; Fritsch & 
 238). The peak is the pressure at which an unloading begins. The reopening pressure is the pressure at which a closed
 cell opens again on unloading. The unloading curve of a peak is interpolated between the unloading curves of the two
 nearest tabulated peaks, at equal fractions of the reopening pressures. The interpolated unloading curve is corrected so
-that it begins on the loading curve. For a peak below the lowest tabulated peak, the unloading curve is interpolated
-between the loading curve and the unloading curve of the lowest tabulated peak.
+that it begins on the loading curve. For a peak below all tabulated peaks, the unloading curve is interpolated between
+the loading curve and the unloading curve of the lowest one.
 """
 
 from __future__ import annotations
@@ -115,8 +115,8 @@ class CellCurves:
         """Evaluate the permeability k at given pressures during unloading from given peaks, all > 0 [Pa].
 
         The permeability is interpolated between the unloading curves of the tabulated peaks below and above each given
-        peak. The interpolated permeability is limited: at least the permeability at the peak, and at most the
-        permeability on loading at the same pressure.
+        peak. The interpolated permeability is kept between the permeability at the peak and the permeability on loading
+        at the same pressure.
 
         Parameters
         ----------

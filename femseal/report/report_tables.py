@@ -40,8 +40,8 @@ class KeyNumber(NamedTuple):
 def key_numbers(results: Results) -> list[KeyNumber]:
     """List the leakage of the whole seal at the assembly load, the first load and the last load.
 
-    If the case has a test fluid, the leakage of the test fluid is listed instead of the leakage of the service fluid.
-    All leakages are given in the same unit.
+    If the case has a test fluid, its leakage is listed instead of the leakage of the service fluid. All leakages are
+    given in the same unit.
     """
     curve = LeakageCurve.of_results(results)
     leakage = results.class_leakage[0]

@@ -1,8 +1,8 @@
 """Read leakages from the dataset of a run, with their units, error budgets and 95 % intervals.
 
-The *leakage of the best method* is the main result of a run. The *class leakage* is the leakage that is compared with
-the limits of leakage classes. If the case has a test fluid, the class leakage is the leakage of the test fluid. If the
-case has no test fluid, the class leakage is the leakage of the best method. The argument `data` of the functions is a
+The *leakage of the best method* is the main result of a run. The *class leakage* is the one that is compared with the
+limits of leakage classes. If the case has a test fluid, the class leakage is the leakage of the test fluid. If the case
+has no test fluid, the class leakage is the leakage of the best method. The argument `data` of the functions is a
 dataset that was made by `assemble`.
 """
 

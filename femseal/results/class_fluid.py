@@ -10,7 +10,7 @@ from .results import Results
 
 
 def class_fluid(results: Results) -> FluidState | None:
-    """Return the fluid whose leakage is compared with leakage classes: the test fluid or else the service fluid.
+    """Return the fluid whose leakage is compared with leakage classes: the test fluid if any, else the service fluid.
 
     Returns
     -------

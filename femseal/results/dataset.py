@@ -66,15 +66,15 @@ class RunFacts:
         Warnings about the case, which are stored in the dataset before the warnings of the studies.
     leakage_unit : str or None
         Unit of the leakage in tables, pictures and the report, see `base.leak_rates`. The unit must suit the service
-        fluid or the test fluid. By default, a unit of leakage per unit seal length is chosen that gives readable
-        numbers.
+        fluid or the test fluid. By default, a unit of leakage per unit seal length is chosen so that the numbers are
+        easy to read.
     budgets : mapping
         Error budget of each study, by the key of the study.
     test : OtherLeakage or None
         Leakage of a test fluid through the same seals.
     classes : sequence of str
-        Names of the leakage classes that are checked at every step. The classes are checked with the leakage of the
-        test fluid or, without a test fluid, with the leakage of the service fluid.
+        Names of the leakage classes that are checked at every step. The classes are checked for the test fluid or, in a
+        run without one, for the service fluid.
     nominal_diameter : float or None
         Nominal diameter of the seat [m], which the limits of some classes depend on.
     throughput_temperature : float or None
@@ -153,7 +153,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
     The attributes of the dataset store the case, the conditioning of the surface, versions, the machine, wall times,
     the largest memory of the main process, warnings and failures. The attribute `solvers` contains the number of linear
     systems that each solver solved, and the largest imbalance between the flows at inlet and outlet. The attribute
-    `error_budget` contains a note for each error source that says how its error was estimated.
+    `error_budget` says for each error source how its error was estimated.
     """
     if not studies:
         raise InputError("results", "no study", "at least one")

@@ -133,7 +133,7 @@ def _fraction_met(limits: Array, deciding: DecidingLeakage) -> Array:
 
 
 def _warnings(classes: Sequence[LeakClass], length: float, diameter: float | None) -> list[str]:
-    """Return warnings about limits from secondary sources, and about a contradictory nominal diameter.
+    """Return warnings about limits that come from secondary sources, and about a contradictory nominal diameter.
 
     Parameters
     ----------

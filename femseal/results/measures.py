@@ -257,15 +257,15 @@ def _slope_over_load(results: Results, leakage: Array, step: int) -> float:
 def _slope_over_heights(results: Results, slope_over_load: float, step: int) -> float:
     """Return d ln(leakage)/d ln(roughness height), for a fluid without slip.
 
-    The slope follows from a scaling law. If all roughness heights are multiplied by a factor `c`, the surface under the
-    load F and with the hardness H has a gap that is `c` times the gap of the original surface under the load F/c and
-    with the hardness H/c. The leakage is proportional to the cube of the gap. The slope of ln(leakage) over
-    ln(roughness height) is therefore 3 − s_load − s_hardness, where s_load is the slope of ln(leakage) over ln(load),
-    and s_hardness is the slope of ln(leakage) over ln(hardness).
+    The slope follows from a scaling law. If all roughness heights are multiplied by a factor `c`, the gap under the
+    load F with the hardness H is `c` times the original gap under the load F/c with the hardness H/c. The leakage is
+    proportional to the cube of the gap. The slope d ln(leakage)/d ln(roughness height) is therefore 3 − s_load −
+    s_hardness, where s_load and s_hardness are the derivatives of ln(leakage) with respect to ln(load) and
+    ln(hardness).
 
     The slope is NaN if the seal has a form deviation or a seat, because their heights do not scale with the roughness.
-    The slope is also NaN if the hardness depends on the depth, and if s_hardness is unknown because the error budget
-    has no error source "hardness".
+    The slope is also NaN if the hardness depends on the depth. It is NaN as well if s_hardness is unknown because the
+    error budget has no error source "hardness".
     """
     case = results.case
     material: dict[str, Any] = case.get("material") or {}

@@ -119,7 +119,7 @@ class Results(Plotted):
         """Unit in which tables and pictures show the leakage.
 
         Tables and pictures use the unit of the case, if this unit suits the fluid. If the case gives no suitable unit,
-        a unit of leakage per unit seal length is chosen that gives readable numbers.
+        a unit of leakage per unit seal length is chosen so that the numbers are easy to read.
         """
         return best_leakage.unit_of_leakage(self.dataset)
 
@@ -154,7 +154,7 @@ class Results(Plotted):
 
     @property
     def class_basis(self) -> LeakBasis:
-        """Seal length and properties of the test fluid, or of the service fluid in a run without a test fluid."""
+        """Seal length, and properties of the test fluid or, in a run without one, of the service fluid."""
         return best_leakage.class_basis_of(self.dataset)
 
     @property

@@ -197,7 +197,7 @@ class RunComparison(Plotted):
         return self._over_keys(combined)
 
     def _over_keys(self, combined: xarray.Dataset) -> xarray.Dataset:
-        """Replace the dimension `run` by the keys of a sweep, if the runs cover all combinations of the key values."""
+        """Replace the dimension `run` by the keys of a sweep, if the runs cover all combinations of key values."""
         # values of each key in all runs
         columns = [_numbers_if_possible(texts) for texts in zip(*self.settings, strict=True)]
         n_combinations = prod(len(set(values)) for values in columns)
@@ -379,8 +379,8 @@ def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None)
         named after their folders.
     unit : str, optional
         Unit of the leakage, such as "mL/min". By default, the unit of the cases is used if all cases give the same
-        unit. If the cases give different units or no unit, a unit of leakage per unit seal length is chosen that gives
-        readable numbers.
+        unit. If the cases give different units or no unit, a unit of leakage per unit seal length is chosen so that the
+        numbers are easy to read.
 
     Returns
     -------
@@ -391,7 +391,7 @@ def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None)
     ------
     InputError
         There are fewer than two runs; a folder has no results; two runs have the same name; or the unit is unknown or
-        does not suit the fluid of one of the runs.
+        unsuitable for the fluid of a run.
 
     Examples
     --------

@@ -9,10 +9,10 @@ of the seal is
 
     q = D / ∫ dl/k,        D = (φ(p_in) − φ(p_out)) / ρ,
 
-with the pressure potential φ of the fluid at the inlet pressure p_in and at the outlet pressure p_out, and the density
-ρ at which the volume of the leakage is given. For a liquid, D is the pressure drop divided by the viscosity. For an
-ideal gas, φ is proportional to the square of the pressure. If the permeability is a power of the contact pressure,
-k = k₀ (p/p₀)⁻ⁿ, the leakage q is at most the limit q_class of a leakage class if and only if
+where φ is the pressure potential of the fluid, p_in and p_out are the inlet and outlet pressures, and ρ is the density
+at which the volume of the leakage is given. For a liquid, D is the pressure drop divided by the viscosity. For an ideal
+gas, φ is proportional to the square of the pressure. If the permeability is a power of the contact pressure, k = k₀
+(p/p₀)⁻ⁿ, the leakage q is at most the limit q_class of a leakage class if and only if
 
     ∫ pⁿ dl ≥ p₀ⁿ k₀ D / q_class.
 
@@ -137,9 +137,8 @@ class SealingIndex:
     unloaded_from : float or None
         Highest nominal pressure before unloading [Pa]; None if the index is for loading.
     exponent_interval : pair of float
-        Smallest and largest exponent of the power laws that are fitted to the lower end of the 95 % interval of the
-        leakage, to its upper end, and to each realisation. The 2.5 % smallest and the 2.5 % largest exponents of the
-        realisations are left out.
+        Smallest and largest exponent of the power laws that are fitted to both ends of the 95 % interval of the leakage
+        and to each realisation. The 2.5 % smallest and the 2.5 % largest exponents of the realisations are left out.
     limits : tuple of IndexLimit
         Smallest sealing index that meets each leakage class.
     """

@@ -229,8 +229,8 @@ def class_unit(run: Results) -> LeakUnit:
     """Return the unit in which the class leakage is shown.
 
     In a run without a test fluid, the class leakage has the unit of all leakages of the run. In a run with a test
-    fluid, the class leakage has the unit of the case or, if this unit does not suit the test fluid, a usual unit for
-    gases or liquids.
+    fluid, the class leakage has the unit of the case. If this unit does not suit the test fluid, a usual unit for gases
+    or liquids is taken.
     """
     if "test_leakage" not in run.dataset:
         return run.leak_unit

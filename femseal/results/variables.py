@@ -160,9 +160,8 @@ def add_realisations(
 def add_states(data: xarray.Dataset, cells: FaceCells) -> None:
     """Add the contact states of the face and, for each state, the fields of the cells of the face.
 
-    In a stochastic study, the loads of the contact states can differ from the loads of the load steps. Fields that
-    belong to contact states are renamed from "cell_..." to "state_...", so that they are not taken for fields at the
-    load steps.
+    In a stochastic study, the loads of the contact states can differ from the loads of the load steps. Fields for
+    contact states are renamed from "cell_..." to "state_...", so that they are not mistaken for fields at load steps.
     """
     add_load_steps(data, "state", "state_", cells.steps)
     add_cell_centres(data, "state_", cells.cut)

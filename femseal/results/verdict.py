@@ -272,7 +272,7 @@ def falling_steps(steps: LoadProgramme, peak: float | None = None) -> Indices:
 
 
 def relaxed_steps(steps: LoadProgramme, relaxation: float) -> tuple[Array, Indices]:
-    """Find the load steps that describe the relaxation after each assembly load.
+    """Find the load step after relaxation for each assembly load.
 
     relaxation : fraction of the assembly pressure that is lost.
 
@@ -327,7 +327,7 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Hold the verdict on a leakage class: whether a run meets the class, and which load is required to meet the class.
+    """Hold the verdict on a leakage class: whether a run meets the class, and which load it requires.
 
     Attributes
     ----------

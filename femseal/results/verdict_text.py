@@ -1,8 +1,7 @@
 """State in sentences and in a table which leakage classes a run meets, for the terminal, the report and the designs.
 
-The function `verdict_paragraphs` says whether each leakage class is met and which load is required to meet the class,
-how much the seal leaks at the assembly load, which action would help most, and whether the requested accuracy was
-reached.
+The function `verdict_paragraphs` says whether each leakage class is met, which load it requires, and how much the seal
+leaks at the assembly load. It also says which action would help most, and whether the requested accuracy was reached.
 """
 
 from __future__ import annotations
@@ -275,7 +274,7 @@ class _Answer:
         - If the computed leakage at the assembly load meets all classes, but its interval does not, or if no classes
           are given, say what narrows the interval and what lowers the leakage.
         - If the computed leakage at the assembly load does not meet a class, say what lowers the leakage, and by which
-          factor the leakage must be lowered.
+          factor it must fall.
         """
         is_surely_met = bool(verdicts) and all(verdict.met_with_interval for verdict in verdicts)
         if is_surely_met:
@@ -419,7 +418,7 @@ def verdict_sentences(verdict: Verdict, load_text: LoadText, *, whole: bool = Tr
 
 
 def required_loads(needed: NeededPressure, load_text: LoadText) -> str:
-    """Say at which loads the computed leakage is within a limit, and at which loads its whole 95 % interval is."""
+    """Say at which loads the computed leakage is within a limit, and at which loads its whole 95 % interval is too."""
     as_computed = needed.words(needed.computed, load_text)
     if not needed.has_interval:
         return f"{as_computed} as computed"

@@ -74,7 +74,7 @@ class CodeDescription:
         self._numbered: list[Any] = []
 
     def __call__(self, value: Any) -> Any:
-        """Describe a value by a tuple, whose members are plain data or values that the caller must describe.
+        """Describe a value by a tuple of plain data and of values that the caller still has to describe.
 
         Raises
         ------
@@ -103,8 +103,8 @@ def is_known(module: str) -> bool:
 def _origin(module: str) -> str | None:
     """Return the version of the package that installed a module; None if the module was not installed.
 
-    The returned version is "" for modules of Python and femseal, because the versions of Python and femseal are part of
-    every key of a store.
+    The returned version is "" for modules of Python and femseal, because their versions are already part of every key
+    in a store.
     """
     top = module.partition(".")[0]
     if top == _PACKAGE or top in sys.stdlib_module_names:

@@ -26,8 +26,8 @@ def digest(value: Any) -> str:
 
     Raises
     ------
-    NoDigest : a part of the value cannot be described, for example an object whose class is written in C, or the path
-    of a file that cannot be read.
+    NoDigest : a part of the value cannot be described, for example an object of a class written in C, or the path of an
+    unreadable file.
 
     Examples
     --------

@@ -1,10 +1,10 @@
 """Store the results of stages in a folder.
 
-The key of a result is a digest of the function of the stage, its input, and the versions of the packages. Each process
-appends its results to a separate file, so that several processes can share a folder without locks. A record in a file
-consists of its size, its key, a checksum and the packed data. If the process is killed while a record is being written,
-only this record is lost. Records contain nothing but plain data. A manipulated file can therefore contain wrong
-results, but reading the file cannot run code or access other folders.
+The key of a result is a digest of three things: the function of the stage, its input, and the package versions. Each
+process appends its results to a separate file, so that several processes can share a folder without locks. A record in
+a file consists of its size, its key, a checksum and the packed data. If the process is killed while a record is being
+written, only this record is lost. Records contain nothing but plain data. A manipulated file can therefore contain
+wrong results, but reading the file cannot run code or access other folders.
 
 Existing libraries are less suitable. An HDF5 file becomes unreadable if the process is killed while writing. SQLite is
 limited to records of 1 GB. joblib reads pickles, which can run code.
@@ -91,7 +91,7 @@ class Store:
         self._files.close()
 
     def __len__(self) -> int:
-        """Return the number of results that were found in the folder or written to the folder so far."""
+        """Return the number of results found in the folder or written to it so far."""
         return len(self._records)
 
     def look(self) -> None:
@@ -121,9 +121,8 @@ class Store:
     def _map(self, mapper: Mapper, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
         """Yield the results of a stage in the order of its items.
 
-        Only items without a stored result are passed to `mapper`. A mapper may request many items before it yields the
-        result of the first item. To yield all results in order, the method keeps all requested items in the queue
-        `pending`.
+        Only items without a stored result are passed to `mapper`. A mapper may request many items before it yields its
+        first result. To yield all results in order, the method keeps all requested items in the queue `pending`.
         """
         try:
             key_of = self.keys(stage)
@@ -257,7 +256,7 @@ class Store:
         return _Record(self._path, start, file.tell() - start)
 
     def _not_kept(self, error: OSError) -> NotKept:
-        """Return the error for a result that could not be written, with a message that says how to continue."""
+        """Make the error for a result that could not be written, with a message on how to continue."""
         is_full = error.errno in (errno.ENOSPC, errno.EDQUOT)
         remedy = "make room" if is_full else "fix the cause"
         return NotKept(
