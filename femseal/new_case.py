@@ -101,7 +101,7 @@ def new(
         ),
     ] = None,
 ) -> None:
-    """Write a case file with comments, as a template, for a measured face, or from the data on a drawing."""
+    """Write a commented case file: a template, a case for a measured face, or a case from the data on a drawing."""
     stated = {
         "ra": ra,
         "rz": rz,

@@ -1,9 +1,9 @@
 """Compute how the form of a measured patch changes its leakage.
 
-Contact and flow are solved for three versions of the patch on a coarse grid: the patch without its tilt, the patch
-without its curvature, and the patch without its longest waves. The grid has 128 points along the longer side of the
-patch. On the coarse grid, the patch has smaller slopes, so that it may be sealed at a pressure at which the original
-patch leaks. In this case, contact and flow are solved at a lower pressure, reduced in proportion to the slope.
+Contact and flow are solved for three versions of the patch on a coarse grid: without its tilt, without its curvature,
+and without its longest waves. The grid has 128 points along the longer side of the patch. On the coarse grid, the patch
+has smaller slopes, so that it may be sealed at a pressure at which the original patch leaks. In this case, contact and
+flow are solved at a lower pressure, reduced in proportion to the slope.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class FormEffect:
     pressures : array, (loads,)
         Nominal pressures [Pa].
     permeability : array, (3, loads)
-        Permeability [m³] of three versions of the patch, one in each row: the patch without its tilt, the patch without
-        its curvature, and the patch without waves longer than `longest`. NaN where a solver failed.
+        Permeability [m³] of three versions of the patch, one in each row: without its tilt, without its curvature, and
+        without waves longer than `longest`. NaN where a solver failed.
     height : float
         Height of the curvature: distance from its lowest to its highest point [m].
     radii : tuple of two float

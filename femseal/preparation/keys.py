@@ -53,7 +53,7 @@ MAP_KEYS = keys_of_table("load", "map") | keys_of_table(
 def errors_with_keys(keys: dict[str, str], table: str = "") -> Iterator[None]:
     """Replace the name of the argument by the key of the case in an InputError that is raised in the `with` block.
 
-    keys : dotted key of the case for each name of an argument.
+    keys : dotted key of the case for each argument name.
     table : name of the table of the case to which the keys in `keys` are relative; "" for complete keys.
     """
     try:

@@ -80,7 +80,7 @@ class Prepared:
         Nominal pressures at which the effect of the form deviation of a measured patch on the leakage is computed;
         empty if the case defines the form.
     flatness : float or None, m
-        Flatness of the seal; None if the case does not contain the flatness.
+        Flatness of the seal; None if the case does not specify it.
     warnings : tuple of str
         One sentence for each implausible value in the case.
     """
@@ -107,7 +107,7 @@ class Prepared:
         Parameters
         ----------
         surface : Topography or Patches
-            Surface of the scene, or the surface of the scene resampled to a coarser grid.
+            Surface of the scene, possibly resampled to a coarser grid.
         mapper : callable
             Function such as the builtin `map`, which computes a stage for many items.
         """

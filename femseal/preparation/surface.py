@@ -126,7 +126,7 @@ def condition_surface(case: Case) -> ConditionedSurface:
 
 
 def _continuation(case: Case, level: Surface, instrument: Instrument) -> Continuation | None:
-    """Return the continuation of the spectrum to shorter wavelengths; None unless the case requires a continuation."""
+    """Return the continuation of the spectrum to shorter wavelengths; None unless the case requires one."""
     cut_off = case.surface.continue_spectrum
     if cut_off is None:
         return None

@@ -153,7 +153,7 @@ def _replace_files(
     Parameters
     ----------
     results : Results
-        Results, which are saved before the other files are written.
+        Results of the run, which are saved before the other files.
     target : Path
         Folder of the run.
     write_files : callable

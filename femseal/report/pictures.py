@@ -189,7 +189,7 @@ def _finished_attempts(attempts: dict[str, Any]) -> dict[int, dict[str, Any]]:
 
 @styled
 def _attempts_figure(attempts: dict[str, Any]) -> Figure:
-    """Draw the error of each attempt to reach the requested accuracy against the computing time of the attempt."""
+    """Draw the error of each attempt to reach the requested accuracy against its computing time."""
     sheet = Sheet([2.4])
     axes = sheet.panel(0, LINES)
     axes.set(xlabel="time of the attempt [s]", ylabel="error [%]", yscale="log")

@@ -156,7 +156,7 @@ class ContactGrid:
         Parameters
         ----------
         values : array, (…, n1, n2)
-            Values at the grid cells; shape (…, n1, 1) for values that do not vary along the seal.
+            Values at the grid cells; shape (…, n1, 1) if they do not vary along the seal.
 
         Returns
         -------
@@ -187,7 +187,7 @@ def _grid_shape(rows: int, columns: int, fewest_rows: int) -> Shape:
 def _points_of_grid(x1: Array, x2: Array, length: float, frame: Frame) -> Array:
     """Return the centres of the cells of a grid over a strip or a ring, (n1, n2, 2) [m].
 
-    x1, x2 : centres of the rows (n1,) and of the columns (n2,), as fractions of the width and the length of the strip.
+    x1, x2 : row centres (n1,) and column centres (n2,), as fractions of the width and length of the strip.
     length : length of the strip [m].
     """
     inlet, outlet = frame.ends or (0.0, 0.0)

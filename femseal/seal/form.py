@@ -158,8 +158,7 @@ class MeasuredForm:
         Whether the points are given by radius and angle.
     middle : tuple of two float or None
         Centre [m] of the map of heights that contains the points; None if the points are not from a map. On a ring or
-        mesh, the centre of the map is placed at the centre of the seal. On a strip, the corner of the map is placed at
-        the corner of the strip.
+        mesh, the map is centred on the seal. On a strip, the corner of the map is placed at the corner of the strip.
     """
 
     points: Array = field(repr=False)
@@ -185,8 +184,7 @@ class MeasuredForm:
         Raises
         ------
         InputError
-            There are fewer than three points, the number of heights is not the number of points, or a number is not
-            finite.
+            There are fewer than three points, the numbers of heights and points differ, or a number is not finite.
         """
         checked_points = plane_points("form", points)
         z = np.array(heights, float)
@@ -341,8 +339,8 @@ def read_form(
     ----------
     path : str or PathLike
         Either a .csv or .txt file with columns x, y and z, or r, theta [°] and z, whose first line contains these
-        names; or a map of heights in any format that `read_topography` reads. On a strip, the corner of a map is placed
-        at the corner of the strip; on a ring or mesh, the centre of a map is placed at the centre of the seal.
+        names; or a map of heights in any format that `read_topography` reads. On a strip, the map is placed with its
+        corner at the corner of the strip; on a ring or mesh, it is centred on the seal.
     unit : str or None
         Unit of the heights; None for a map whose file contains the unit.
     length_unit : str

@@ -145,8 +145,8 @@ def _corner_range(seal: Seal, at_points: Array, shape: tuple[int, ...]) -> tuple
     """Return the lowest and the highest value at the corners of each of n elements.
 
     at_points : quantity at the points of the seal.
-    shape : shape of the permeability, (n,) or (n, 2). The returned arrays have the shape (n,) for a permeability (n,),
-        and (n, 1) for a permeability (n, 2), so that NumPy can broadcast them with the permeability.
+    shape : shape of the permeability, (n,) or (n, 2). The returned arrays broadcast against the permeability: their
+        shape is (n,) for a permeability (n,), and (n, 1) for a permeability (n, 2).
     """
     corners = seal.corner_values(at_points)  # (element, corner)
     lowest = corners.min(axis=1)

@@ -332,7 +332,7 @@ def _names(given: Names) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class ElementSeal:
-    """Define a seal whose permeability is constant on each element and varies at random from element to element.
+    """Define a seal with a constant permeability on each element, which varies at random between elements.
 
     The flow is computed as the geometric mean of two bounds: an upper bound from elements with continuous pressures,
     and a lower bound from elements with continuous fluxes. In tests with random permeabilities whose logarithm is

@@ -360,7 +360,7 @@ AnyMap = PressureMap | MapsAtLoads
 
 
 def is_uniform(pressure_map: Any) -> bool:
-    """Return whether a pressure map is uniform, so that the pressure is the nominal pressure everywhere."""
+    """Return whether a pressure map is uniform, that is, equal to the nominal pressure everywhere."""
     return isinstance(pressure_map, Uniform)
 
 

@@ -288,7 +288,7 @@ def _split(scene: Scene, blocks: Shape, position: tuple[int, ...]) -> tuple[Scen
 
 
 def _cells_of_block(values: Array, position: tuple[int, ...]) -> Array:
-    """Return a view (…, CELLS, CELLS) of the cells of one block, from the values of all cells (…, rows, columns)."""
+    """Return a view of the cells of one block (…, CELLS, CELLS), given all cells (…, rows, columns)."""
     rows, columns = (slice(i * CELLS, (i + 1) * CELLS) for i in position)
     return values[..., rows, columns]
 

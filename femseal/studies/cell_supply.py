@@ -173,7 +173,7 @@ def mean_relief(scene: Scene) -> float:
 def supply_cells(
     scene: Scene, cut: Cut, tiles: SealTiles, fractions: Array, mapper: Mapper
 ) -> CellSupply:
-    """Compute the permeabilities of the cells of a surface at the pressures of the tiles of a seal.
+    """Compute the permeabilities of the cells of a surface at the tile pressures of a seal.
 
     The contact is solved at the load steps of the scene in two cases: if the cells stay in order, or if every tile has
     the contact pressure of the load steps. In all other cases, the contact is solved at tabulated pressures, and the

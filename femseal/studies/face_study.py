@@ -44,7 +44,7 @@ class FaceState:
     gap, pressure : array (n1, n2), m and Pa
         Gap and contact pressure.
     plastic : array of bytes
-        One bit for each pixel, which is set if the contact pressure is at the hardness, see `numpy.packbits`.
+        One bit per pixel, set where the contact pressure has reached the hardness, see `numpy.packbits`.
     potential : array (n1, n2)
         Pressure potential of the flow, from 1 at the inlet to 0 at the outlet; NaN at contact points and in pockets
         without a connection to inlet or outlet.

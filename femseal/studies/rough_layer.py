@@ -34,7 +34,7 @@ _PEAKS = (5, 11, 16)
 #: Fractions of the peak pressure at which unloading is tabulated. The contact is not solved at the first and the last
 #: fraction: at the peak pressure, the recovery is 0, and at pressure 0, the recovery is extrapolated.
 _RELEASED = np.array([1.0, 0.7, 0.4, 0.15, 0.03, 0.0])
-#: Highest pressure of the layer, as a fraction of the pressure that the surface can carry. At higher pressures, the
+#: Highest pressure of the layer, as a fraction of the largest that the surface can support. At higher pressures, the
 #: bodies under the roughness yield.
 HIGHEST_PRESSURE = 0.97
 
@@ -236,7 +236,7 @@ def solve_layer_states(
         Return values of the function `take`, one for each step of the load programme.
     """
     law = scene.law
-    # An elastic surface can carry any pressure. For an elastic surface, the highest pressure is about a tenth of the
+    # An elastic surface can support any pressure. For an elastic surface, the highest pressure is about a tenth of the
     # contact modulus.
     capacity = min(law.capacity, 0.1 * scene.surface_modulus)
     loading = HIGHEST_PRESSURE * _layer_pressures(min(law.mean_hardness, capacity), capacity)

@@ -142,7 +142,7 @@ def seal_for_maps(layout: Layout, tiles: SealTiles) -> PressedSeal:
 
 
 def pressure_fractions(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> Array:
-    """Return the pressure of each tile under a pressure map, as a fraction of the nominal pressure (steps, tiles).
+    """Return the tile pressures under a pressure map, as fractions of the nominal pressure (steps, tiles).
 
     Raises InputError if the map does not cover the seal.
     """
@@ -301,8 +301,8 @@ class TileFluid:
         The fluid pressures are chosen as follows:
 
         - If the flow law depends on the fluid pressure, the fluid pressures of the flow law are used.
-        - If the fluid pressure acts on the surfaces and falls from inlet to outlet, `FLUID_PRESSURES` pressures between
-          the outlet pressure and the inlet pressure are used.
+        - If the fluid pressure acts on the surfaces and falls from inlet to outlet, `FLUID_PRESSURES` values between
+          the outlet and the inlet pressure are used.
         - In all other cases, a single fluid pressure is sufficient.
         """
         drop, fluid = scene.flow.drop, scene.acting_fluid

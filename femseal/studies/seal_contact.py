@@ -125,7 +125,7 @@ def solve_seal_contact(
     mapper : callable
         Function such as the builtin `map`, which computes a stage for many items.
     layer : RoughLayer, optional
-        Rough layer of the surface. By default, the rough layer is computed by this function.
+        Rough layer of the surface. By default, this function computes it.
 
     Raises
     ------

@@ -69,7 +69,7 @@ def stochastic(
         The surface, its load and its fluid.
     cells : (int, int) or None
         Numbers of cells along x1 and x2. By default, the shorter side of the surface is divided into four cells, or
-        into two cells if the cells stay in order.
+        into two if the cells stay in order.
     sampling : Sampling
         Size of the seal, number of realisations and other options. If no number is given, realisations are added until
         the standard error of the median leakage is a twentieth of the half-width of the 95 % interval for a single

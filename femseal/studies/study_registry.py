@@ -102,7 +102,7 @@ def two_scale_cost(scene: Scene, options: StudyOptions) -> Pair:
 def blocks_cost(scene: Scene, options: StudyOptions) -> Pair:
     """Return the expected time on one core [s] and the memory [byte] of a study by blocks.
 
-    The contact of each block is solved twice: first for the rough layer of the block, then for the cells of the block.
+    The contact of each block is solved twice: for its rough layer and for its cells.
     """
     pixels = scene.surface.heights.size
     b1, b2 = options.blocks
