@@ -145,8 +145,8 @@ class Coated:
 def contact_modulus(a: Solid, b: Solid | None = None) -> float:
     """Compute the contact modulus E* of two half-spaces, 1/E* = (1−ν1²)/E1 + (1−ν2²)/E2.
 
-    In the literature on lubrication, E′ = 2E* is often used instead; femseal always uses E*. Source: Johnson, Contact
-    Mechanics, 1985, eq. 4.20.
+    The lubrication literature often uses E′ = 2E* instead; femseal always uses E*. Source: Johnson, Contact Mechanics,
+    1985, eq. 4.20.
 
     Parameters
     ----------

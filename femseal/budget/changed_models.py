@@ -1,7 +1,7 @@
 """Estimate the errors due to an uncertain hardness, fluid pressure or form deviation, by changing the input.
 
-An uncertain quantity, such as the hardness, may be too large or too small. The leakage with an increased quantity does
-not show how the leakage would change with a reduced quantity. If the error matters for the 95 % interval, the input is
+An uncertain quantity, such as the hardness, may be too large or too small. A solution with an increased quantity does
+not show how the leakage changes if the quantity is reduced. If the error matters for the 95 % interval, the input is
 therefore solved twice: with the increased and with the reduced quantity.
 """
 
@@ -215,7 +215,7 @@ def opposite_matters(part: ErrorPart, others: ErrorBudget) -> bool:
 def _fill_unknown(steps: LoadProgramme, leakage: Array, change: Array) -> Array:
     """Replace unknown and infinite changes of ln(leakage) (steps,) by estimates from the nearest known changes.
 
-    A change of −inf is not replaced, because it means that the seal is sealed with the changed input.
+    A change of −inf means that the seal is sealed with the changed input, and is not replaced.
     """
     slope = np.maximum(load_sensitivity(steps, leakage), LEAST_SLOPE)
     finite = np.isfinite(change)

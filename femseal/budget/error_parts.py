@@ -81,7 +81,7 @@ _MAY_CLOSE = 1.5
 
 @dataclass(frozen=True)
 class ErrorPart:
-    """Hold one error source, with the 95 % interval that the leakage would have if there were no other error.
+    """Hold one error source, with the 95 % interval that the leakage would have without any other error.
 
     Parameters
     ----------
@@ -237,7 +237,7 @@ class ErrorBudget:
         return max(widths, key=lambda name: _largest(widths[name][is_compared]))
 
     def _distance(self, end: str) -> Array:
-        """Compute the distance from ln(leakage) to an end ("lower" or "upper") of the combined interval, (steps,).
+        """Compute the distance (steps,) from ln(leakage) to the "lower" or "upper" end of the combined interval.
 
         The distance is √Σd², where d is the distance from ln(leakage) to the same end of the interval of one error
         source.
@@ -611,8 +611,8 @@ def part_of_changes(
 ) -> ErrorPart:
     """Make an error source from distances to ln(leakage), and estimate its upper ends at sealed steps.
 
-    At load steps that leak, each end of the interval is set by its distance from ln(leakage). At sealed steps, the
-    computed leakage is zero and has no logarithm, so that `sealed_upper` estimates the upper end of the interval.
+    At load steps that leak, each end of the interval is set by its distance from ln(leakage). At sealed steps, where
+    the computed leakage is zero and has no logarithm, `sealed_upper` estimates the upper end of the interval.
 
     Parameters
     ----------

@@ -84,7 +84,8 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     Student's distribution.
 
     If the seal would be sealed without one of its patches, a jackknife of ln(leakage) is impossible. The interval of
-    such a seal begins at 0, and its upper end is computed by a jackknife of the leakage instead of ln(leakage).
+    such a seal begins at 0, and its upper end is computed by a jackknife of the leakage itself instead of its
+    logarithm.
 
     Parameters
     ----------
@@ -228,10 +229,10 @@ def patch_form_part(
     than the patch. The distance from ln(leakage) to either end of its interval is the change of ln(leakage) when the
     curvature is removed. On unloading, the distance is at least as large as at the highest load before unloading.
 
-    In a test, the leakage of a quarter of a map was compared with the leakage of the whole map, for eight maps at 140
-    loads. In 49 % of the cases, the leakage of the whole map was between half and twice the leakage of the quarter.
-    When this interval was extended at one end by the change of ln(leakage), it contained the leakage of the whole map
-    in 56 % of the cases. Extended at both ends, it did so in 61 %.
+    In a test with eight maps and 140 loads, the leakage of a quarter of each map was compared with that of the whole
+    map. In 49 % of the cases, the leakage of the whole map was between half and twice the leakage of the quarter. When
+    this interval was extended at one end by the change of ln(leakage), it contained the leakage of the whole map in 56
+    % of the cases. Extended at both ends, it did so in 61 %.
 
     rises : whether the spectrum of the patch rises towards long waves, so that the seal probably has longer waves than
         the patch. If True, the effect of the longest waves of the patch is included.
@@ -268,10 +269,10 @@ def longer_waves_part(
 ) -> ErrorPart:
     """Estimate the error of leaving out the waves that are longer than the patch.
 
-    The change of ln(leakage) was computed for n samples of random waves that are longer than the patch. The true long
-    waves of the seal are regarded as a further sample. The interval of ln(leakage) is Student's prediction interval for
-    a further sample, m ± t s √(1 + 1/n), where m and s are the mean and the standard deviation of the n changes, and t
-    is the quantile of Student's distribution.
+    The change of ln(leakage) was computed for n random samples of waves longer than the patch. The true long waves of
+    the seal are treated as one more sample. The interval of ln(leakage) is Student's prediction interval for a further
+    sample, m ± t s √(1 + 1/n), where m and s are the mean and the standard deviation of the n changes, and t is the
+    quantile of Student's distribution.
 
     Parameters
     ----------
@@ -345,9 +346,9 @@ def error_budget(
     filtered : solution without the shortest octave of waves, that is, without the waves shorter than twice the shortest
         wavelength of the surface.
     kept_slope : rms slope of the surface, divided by its rms slope before waves were removed. The ratio is 1 if no
-        waves were removed, for example for a generated surface; the error of the filter is then left out. The upper end
-        of the interval at a sealed step is inf if the removed waves may open the seal and the leakage of the open seal
-        is unknown.
+        waves were removed, for example from a generated surface; there is then no error of the filter. The upper end of
+        the interval at a sealed step is inf if the removed waves may open the seal and the leakage of the open seal is
+        unknown.
     wave_pixels : number of pixels in the shortest wave of the surface. With more than 8 pixels, a smaller error of the
         pixel size is possible.
 
@@ -378,7 +379,7 @@ def error_budget(
 
 
 class NumericalErrors:
-    """Estimate the numerical errors of one study, and the error of measuring only a patch of the surface.
+    """Estimate the numerical errors of one study, and the error caused by measuring only a patch of the surface.
 
     Each method estimates the error of one error source, and returns an empty list if this source does not apply to the
     study.

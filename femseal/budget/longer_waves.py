@@ -38,7 +38,7 @@ _LEAST_HURST = 0.5
 
 @dataclass(frozen=True, eq=False)
 class DrawnForm:
-    """Describe a random form deviation of a seal as a sum of waves with random directions and phases.
+    """Describe a random form deviation of a seal by a sum of waves with random directions and phases.
 
     Attributes
     ----------
@@ -106,10 +106,10 @@ def longer_waves(
 
     Returns
     -------
-    Changes of ln(leakage), array (random form deviations, steps). A change is NaN where the seal without random waves
-    is sealed, or where the contact with random waves could not be solved. The function returns None if the seal is
-    hardly wider than the patch. The same holds if no flatness is given and the spectrum of the patch does not rise
-    towards long waves: the patch then contains the longest waves of the surface.
+    Changes of ln(leakage), array (random form deviations, steps). A change is NaN if the seal is sealed without the
+    random waves, or if the contact with them could not be solved. The function returns None if the seal is hardly wider
+    than the patch. The same holds if no flatness is given and the spectrum of the patch does not rise towards long
+    waves: the patch then contains the longest waves of the surface.
     """
     side = min(scene.surface.shortest_patch.size)
     if not waves.rises and flatness is None:
@@ -186,8 +186,8 @@ def _rms_between(waves: Representative, h: float, shortest: float, longest: floa
     """Compute the rms height [m] of the waves between the wavelengths `shortest` and `longest` [m].
 
     The mean square height is (1/2π)∫q C(q) dq over the wave numbers q between 2π/longest and 2π/shortest. The spectral
-    density is the power law C(q) = C₀ (q/q₀)^(−2 − 2h), with the Hurst exponent h. The wave number q₀ is the wave
-    number of the longest octave of the patch, and C₀ is the spectral density of this octave.
+    density is the power law C(q) = C₀ (q/q₀)^(−2 − 2h), with the Hurst exponent h. Here q₀ and C₀ are the wave number
+    and the spectral density of the longest octave of the patch.
     """
     q0 = 2 * pi / waves.octave
     lowest, highest = 2 * pi / longest, 2 * pi / shortest  # wave numbers
@@ -204,9 +204,9 @@ def _draw_form(
 ) -> DrawnForm:
     """Draw a form deviation that consists of random waves between two wavelengths [m].
 
-    The probability density of a wave number q is proportional to q C(q), with the spectral density C(q), and therefore
-    to q^(−1 − 2H), with the Hurst exponent H. The wave numbers are drawn by inverting their cumulative distribution,
-    which is a linear function of q^(−2H).
+    The probability density of a wave number q is proportional to q C(q), where C is the spectral density, and therefore
+    to q^(−1 − 2H), where H is the Hurst exponent. The wave numbers are drawn by inverting their cumulative
+    distribution, which is a linear function of q^(−2H).
     """
     # values of q^(−2H) at the lowest and at the highest wave number
     low, high = ((2 * pi / wavelength) ** (-2 * hurst) for wavelength in wavelengths)

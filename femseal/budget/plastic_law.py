@@ -1,10 +1,10 @@
-"""Estimate the error of limiting the contact pressure by the hardness, in place of plastic flow below the surface.
+"""Estimate the error of limiting the contact pressure by the hardness instead of modelling plastic flow.
 
 The contact law limits the pressure of each point to the hardness H. In a real metal, the material yields below the
-surface. On small surfaces, the leakage under the contact law was compared with the leakage of a solution with von Mises
-plasticity and the yield stress σ_y, see `docs/evidence/plastic_law.md`. The two leakages are equal if the contact law
-uses a suitable ratio H/σ_y. The suitable ratio H/σ_y depends on how plastic the contacts are, that is, on σ_y/(E* h′)
-with the contact modulus E* and the rms slope h′.
+surface. On small surfaces, the contact law was compared with solutions that use von Mises plasticity and the yield
+stress σ_y, see `docs/evidence/plastic_law.md`. The two leakages are equal if the contact law uses a suitable ratio
+H/σ_y. The suitable ratio H/σ_y depends on how plastic the contacts are, that is, on σ_y/(E* h′) with the contact
+modulus E* and the rms slope h′.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _MAY_CLOSE = 1.5
 
 
 def equivalent_ratios(severity: float) -> tuple[float, float]:
-    """Return the range of H/σ_y in which the contact law gives the same leakage as von Mises plasticity.
+    """Return the range of ratios H/σ_y for which the contact law gives the same leakage as von Mises plasticity.
 
     severity : ratio 2.8 σ_y/(E* h′) of the hardness to the elastic contact pressure. Outside the range of `_SEVERITY`,
         the ratios at the nearest end of `_SEVERITY` are returned.

@@ -5,10 +5,10 @@ spectrum is extrapolated, the added waves have arbitrary phases, and even shorte
 
 The effect of the missing waves on the leakage has an upper bound. If the missing waves were added, the surface would be
 steeper, and its gap would be about equal to the gap of the smoother surface under a lower load. By Persson's theory,
-the contact fraction is erf(c p/(E* h')), with the pressure p, the contact modulus E*, the rms slope h' and a constant
-c. Let κ be the rms slope of the smoother surface divided by the rms slope of the complete surface. By Persson's theory,
-the smoother surface under the pressure κ p has the same contact fraction as the complete surface under the pressure p.
-Measurements on many surfaces gave a similar relation for the leakage, see `LOAD_POWER`.
+the contact fraction is erf(c p/(E* h')), where p is the pressure, E* the contact modulus, h' the rms slope and c a
+constant. Let κ be the rms slope of the smoother surface divided by the rms slope of the complete surface. By Persson's
+theory, the smoother surface under the pressure κ p has the same contact fraction as the complete surface under the
+pressure p. Measurements on many surfaces gave a similar relation for the leakage, see `LOAD_POWER`.
 """
 
 from collections.abc import Sequence
@@ -59,9 +59,9 @@ SEALED_CONTACT = 0.6
 def one_grid_part(leakage: Array, in_contact: Array) -> list[ErrorPart]:
     """Estimate the error of the pixel size for a surface that was solved on a single grid.
 
-    At leaking steps, the error of the pixel size is unknown without a second grid, and the interval contains only the
-    leakage. At steps that are sealed on the grid, a finer grid may leak. The upper end of the interval at a sealed step
-    is therefore inf, unless the contact fraction is so large that the step is certainly sealed.
+    Without a second grid, the error of the pixel size is unknown at leaking steps, and the interval shrinks to the
+    leakage itself. At steps that are sealed on the grid, a finer grid may leak. The upper end of the interval at a
+    sealed step is therefore inf, unless a large contact fraction shows that the step is certainly sealed.
 
     in_contact : contact fraction at every step (steps,).
 
@@ -136,9 +136,9 @@ def continuation_part(
 
     The half-width of the interval of ln(leakage) is √(a² + b²), with two contributions `a` and `b`. The contribution
     `a` is the scatter of ln(leakage) between surfaces whose extrapolated waves have different random phases. The phases
-    of the true surface are unknown. The true surface is regarded as a further sample of such surfaces, and the
-    contribution `a` is the half-width of Student's prediction interval for a further sample. The contribution `b` is
-    the effect of waves shorter than the cut-off wavelength, see `filter_part`.
+    of the true surface are unknown. The true surface is treated as one more sample of such surfaces, and `a` is the
+    half-width of Student's prediction interval for it. The contribution `b` is the effect of waves shorter than the
+    cut-off wavelength, see `filter_part`.
 
     Parameters
     ----------

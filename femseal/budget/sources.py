@@ -306,7 +306,7 @@ def _continuation(
 
 
 def _slope_ratio_beyond(surface: Surface, continuation: Continuation, scene: Scene) -> float:
-    """Compute the ratio of the rms slope of a surface to the rms slope of the surface with its missing short waves.
+    """Compute the ratio of the rms slope of a surface to its rms slope with the missing short waves.
 
     The missing waves are shorter than the cut-off wavelength of the surface. Missing waves are counted down to the
     shortest wave that matters for the contact, which is limited to between one tenth and one half of the cut-off

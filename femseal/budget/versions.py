@@ -196,7 +196,7 @@ def continued_versions(grid: Version) -> list[Version]:
 
 
 def kept_slope(version: Version) -> float:
-    """Return the rms slope of the surface, divided by the rms slope of the surface with its missing waves.
+    """Return the rms slope of the surface, divided by its rms slope with the missing waves.
 
     The ratio is 1 if the missing waves have hardly any slope, see `LEAST_REMOVED`.
     """
@@ -240,7 +240,7 @@ class VersionLeakage:
 
 
 def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage]:
-    """Solve the studies of a version, and return the leakage of each study that did not fail, by its key."""
+    """Solve the studies of a version, and return the leakage of each study that succeeded, by its key."""
     leakages: dict[str, VersionLeakage] = {}
     for study in version.solved_studies:
         try:
@@ -263,7 +263,7 @@ def leakage_of(result: Any) -> Array:
 def compare_leakage(
     result: Any, version: Version, solved: Mapping[str, VersionLeakage]
 ) -> CoarserSolution:
-    """Compare the leakage of a coarser version of the input with the leakage of the original input.
+    """Compare the leakage of a coarser version of the input with that of the original input.
 
     result : result of a study for the original input.
     version : coarser version of the input.

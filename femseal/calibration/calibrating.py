@@ -214,7 +214,8 @@ def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> A
     Raises
     ------
     InputError
-        The upper end of a range is not above the lower end, or the hardness of the softer solid is not a single number.
+        A range has an upper end that is not above its lower end, or the hardness of the softer solid is not a single
+        number.
     """
     hardness = _single_hardness(case)
     surface = prepared.scene.surface

@@ -94,8 +94,8 @@ class FactorDensity:
         """Compute ln(density), up to a constant, at m values of ln(factor) for each pair, (pairs, m).
 
         ln(density) is log_scale − (misfit + ((ln(factor) − mean)/deviation)²)/2, plus the logarithm of the probability
-        of each sealed row. The probability of a sealed row is the probability that the factor times the leakage of the
-        model does not exceed the limit of detection.
+        of each sealed row. A sealed row has the probability that the leakage of the model, multiplied by the factor,
+        does not exceed the limit of detection.
         """
         standardised = (log_factor - self.mean) / self.deviation
         log_density = self.log_scale - 0.5 * (self.misfit + standardised**2)
@@ -172,7 +172,7 @@ class Posterior:
         return Prediction(model.mean + log_factor, model.deviation, model.is_open)
 
     def _predict_rows(self, plane: Array) -> Prediction:
-        """Predict the leakage of the model for every row of the test, not multiplied by the factor.
+        """Predict the leakage of the model for every row of the test, before multiplication by the factor.
 
         plane : pairs of hardness and shortest wave, scaled to points of the unit square, array (pairs, 2).
         """
@@ -231,7 +231,7 @@ class Posterior:
         slab.
 
         The samples are insensitive to rounding errors. If the last digits of the density change, few samples move, and
-        only to a neighbouring square. With a Markov chain, rounding errors would change all later samples.
+        these move only to a neighbouring square. With a Markov chain, rounding errors would change all later samples.
 
         Parameters
         ----------

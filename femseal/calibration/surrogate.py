@@ -127,7 +127,7 @@ def _standardise(values: Array) -> tuple[Array, Array]:
 
 
 class Process:
-    """Model k quantities by Gaussian processes with common correlation lengths and different means and scales.
+    """Model k quantities by Gaussian processes with shared correlation lengths but separate means and scales.
 
     Parameters
     ----------
@@ -177,10 +177,10 @@ class Process:
     def leave_one_out_errors(self) -> Array:
         """Compute the standardised errors (n, k) of leave-one-out prediction.
 
-        The value at each point is predicted from the values at all other points, and the error of the prediction is
-        divided by the standard deviation of the prediction. With the weights w = K⁻¹y, the error of the prediction at
-        point i is w_i / (K⁻¹)_ii, and its standard deviation is (K⁻¹)_ii^(-1/2) (Rasmussen and Williams, equation
-        5.12). The standardised error at point i is the ratio w_i / (K⁻¹)_ii^(1/2).
+        The value at each point is predicted from all other points, and the prediction error is divided by its standard
+        deviation. With the weights w = K⁻¹y, the error of the prediction at point i is w_i / (K⁻¹)_ii, and its standard
+        deviation is (K⁻¹)_ii^(-1/2) (Rasmussen and Williams, equation 5.12). The standardised error at point i is the
+        ratio w_i / (K⁻¹)_ii^(1/2).
         """
         # the diagonal of K⁻¹ = (L⁻¹)ᵀ L⁻¹ contains the sums of squares of the columns of L⁻¹
         inverse_diagonal = (self._whitening**2).sum(0)
@@ -223,7 +223,7 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
         standardised_sets.append(_Data(data.points, standardised_values))
 
     def negative_log_posterior(parameters: Array) -> float:
-        """Compute −ln(density) of the parameters, up to a constant, by the formula in `_fit_processes`."""
+        """Compute −ln(density) of the parameters, up to a constant, using the formula in `_fit_processes`."""
         total = 0.5 * (((parameters - medians) / deviations) ** 2).sum()
         for data in standardised_sets:
             covariance = _covariance(parameters, data.points, data.points)
@@ -388,8 +388,8 @@ def _correlation(errors: Array) -> Array:
     """Estimate the correlation between the prediction errors at each pair of loads.
 
     With few simulations, the estimated correlations are uncertain. The correlations are reduced by 5 %, because the
-    covariance matrix of the prediction errors could otherwise be singular. A singular covariance matrix would mean that
-    some combination of the leakages at several loads is known exactly.
+    covariance matrix of the prediction errors could otherwise be singular. If the covariance matrix were singular, some
+    combination of the leakages at several loads would be known exactly.
 
     Parameters
     ----------
@@ -410,10 +410,10 @@ def _correlation(errors: Array) -> Array:
 def _logarithm(mean: Array, deviation: Array) -> tuple[Array, Array]:
     """Compute the distribution of ln(leakage) from the mean and the deviation of the cube root of the leakage.
 
-    Let x be the cube root of the leakage. The distribution of x is a normal distribution that is truncated at 0,
-    because x is positive if the seal leaks. Let Φ be the normal distribution function, and r = mean/deviation. The
-    quantile of x at the probability Φ(s) is deviation (r − Φ⁻¹(Φ(r) Φ(−s))). With this quantile x, the quantile of
-    ln(leakage) at the probability Φ(s) is 3 ln(x).
+    Let x be the cube root of the leakage. The distribution of x is normal but truncated at 0, because x is positive if
+    the seal leaks. Let Φ be the normal distribution function, and r = mean/deviation. The quantile of x at the
+    probability Φ(s) is deviation (r − Φ⁻¹(Φ(r) Φ(−s))). With this quantile x, the quantile of ln(leakage) at the
+    probability Φ(s) is 3 ln(x).
 
     Returns
     -------

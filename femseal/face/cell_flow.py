@@ -225,7 +225,8 @@ def solve_surface_flow(
     """Solve the flow along x1 through the gap of a whole surface.
 
     A surface of more than `LARGEST_FLOW` points is divided along x2 into parts, each of which is solved like a whole
-    surface. If the settings contain a spiral, fluid can also flow along the spiral grooves and so pass closed lands.
+    surface. If the settings contain a spiral, fluid can also flow along the spiral grooves and thus bypass closed
+    lands.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ from ..loads import LoadProgramme
 
 
 class LogCurve:
-    """Interpolate ln k of a cell that is open for small values of a variable x and closed for large values of x.
+    """Interpolate ln k of a cell that is open at small x and closed at large x.
 
     Attributes
     ----------

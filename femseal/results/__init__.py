@@ -1,8 +1,8 @@
 """Collect the results of a run in a dataset, and make tables and files for other programs from it.
 
 The function `assemble` collects the results of all studies of a run in a dataset, and `save` and `open_results` write
-and read the dataset. All other modules of this package make tables, verdicts on leakage classes, comparisons and files
-from the dataset. Pictures are drawn in `plots`, and the report is made in `report`.
+and read the dataset. From the dataset, all other modules of this package make tables, verdicts on leakage classes,
+comparisons and files. Pictures are drawn in `plots`, and the report is made in `report`.
 """
 
 from typing import TYPE_CHECKING

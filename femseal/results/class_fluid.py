@@ -15,8 +15,8 @@ def class_fluid(results: Results) -> FluidState | None:
     Returns
     -------
     FluidState or None
-        Fluid and pressures according to the case. If the fluid of the case cannot be read, the function returns the
-        fluid of the studies in memory, or None if no studies are in memory.
+        Fluid and pressures according to the case. If the fluid of the case cannot be read, the fluid of the studies in
+        memory is returned, or None without such studies.
     """
     try:
         table = results.case.get("output", {}).get("test_fluid") or results.case["fluid"]

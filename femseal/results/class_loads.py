@@ -39,7 +39,7 @@ def class_columns(runs: Sequence[Results]) -> list[tuple[str, list[str]]]:
     -------
     list of (str, list of str)
         One pair per column: its heading, and one string per run. Each class has a column for the load at which the
-        computed leakage meets the class. A second column, for the load with which the whole 95 % interval meets the
+        computed leakage meets the class. A second column, for the load at which the whole 95 % interval meets the
         class, is left out if a run has no interval.
     """
     verdicts = [{verdict.name: verdict for verdict in verdicts_of(results)} for results in runs]

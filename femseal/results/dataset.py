@@ -134,8 +134,8 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
     Raises
     ------
     InputError
-        No study is given, or the load programme of a study differs from the load programme of the scene. InputError is
-        also raised if a leakage unit or a leakage class is unknown or does not suit the fluid.
+        No study is given, or the scene and a study have different load programmes. InputError is also raised if a
+        leakage unit or a leakage class is unknown or does not suit the fluid.
 
     Notes
     -----
@@ -152,7 +152,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
 
     The attributes of the dataset store the case, the conditioning of the surface, versions, the machine, wall times,
     the largest memory of the main process, warnings and failures. The attribute `solvers` contains the number of linear
-    systems that each solver solved, and the largest imbalance between the flows at inlet and outlet. The attribute
+    systems that each solver has solved, and the largest imbalance between inlet and outlet flow. The attribute
     `error_budget` says for each error source how its error was estimated.
     """
     if not studies:

@@ -179,7 +179,7 @@ def _narrowing(results: Results, budget: ErrorBudget, source: str, step: int) ->
 
 
 def _larger_patch(results: Results) -> tuple[str, float]:
-    """Return a description of how to enlarge the patch, and the ratio of the enlarged area to the present area."""
+    """Say how to enlarge the patch, and return the ratio of the enlarged to the present area."""
     if not is_generated(results):
         return _LARGER_PATCH
     attributes = results.dataset.attrs

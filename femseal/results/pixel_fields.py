@@ -48,7 +48,7 @@ class _PixelField(NamedTuple):
 
 
 def _fields_in_memory(run: Results) -> list[tuple[Field, Any]]:
-    """Return the declaration and the values (step, x1, x2) of each field over pixels of a study in memory, if any."""
+    """Return the declaration and the values (step, x1, x2) of each pixel field of a study in memory, if any."""
     study = run.two_scale or run.deterministic
     if study is None:
         return []
@@ -218,8 +218,8 @@ def export_field(
 ) -> list[Path]:
     """Write the gap, the contact pressure or the fluid pressure over the pixels to files that other programs can read.
 
-    The file is either an image for ParaView (.vti) or an archive of NumPy (.npz), which `read_topography` also reads.
-    The archive contains
+    The file is either an image for ParaView (.vti) or a NumPy archive (.npz), which `read_topography` also reads. The
+    archive contains
 
     - the field under its name: `gap` [m], `contact_pressure` [Pa] or `fluid_pressure` [Pa], each (n1, n2);
     - `spacing`, the size of a pixel along x1 and x2 [m];
@@ -318,7 +318,7 @@ def _pixel_and_corner(values: xarray.DataArray) -> tuple[Pair, Pair]:
 
 
 def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
-    """Write a field to an archive of NumPy, with its pixel size, its first corner and its load."""
+    """Write a field to a NumPy archive, with its pixel size, its first corner and its load."""
     pixel, corner = _pixel_and_corner(values)
     load = run.steps[step]
     with path.open("wb") as file:

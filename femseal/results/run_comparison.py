@@ -217,13 +217,12 @@ class RunComparison(Plotted):
         Returns
         -------
         TextTable
-            Table with one line for each run. The first columns contain the keys of a sweep, or the name of the run if
-            the runs are not a sweep. If the runs differ in their method, a column for the method follows. If the cases
-            have leakage classes in common, further columns contain the load that is required to meet each class. The
-            next columns contain the leakage, with its 95 % interval in brackets, at a few load steps that all runs have
-            in common, or at the highest load of each run. The last column contains the rank, where rank 1 is the run
-            that leaks least. If the intervals of several runs overlap, the last column contains the range of possible
-            ranks.
+            Table with one line for each run. The first columns contain the keys of a sweep or, for other runs, the name
+            of the run. If the runs differ in their method, a column for the method follows. If the cases have leakage
+            classes in common, further columns contain the load that is required to meet each class. The next columns
+            contain the leakage, with its 95 % interval in brackets, at a few load steps that all runs have in common,
+            or at the highest load of each run. The last column contains the rank, where rank 1 is the run that leaks
+            least. If the intervals of several runs overlap, the last column contains the range of possible ranks.
         """
         columns: list[tuple[str, list[str]]] = [("run", list(self.names))]
         if self.keys:

@@ -107,8 +107,8 @@ class RunPictures:
         folder : path, optional
             Folder of the files, which is created if needed; by default the folder of the results.
         formats : sequence of {"png", "svg", "pdf"}
-            File formats. In the formats svg and pdf, text and lines stay sharp when a picture is enlarged, and maps
-            contain all pixels.
+            File formats. In SVG and PDF files, text and lines stay sharp when a picture is enlarged, and maps contain
+            all pixels.
         names : sequence of str
             Names of the pictures, such as "leakage" and "cells"; by default all pictures for which the results contain
             data.

@@ -1,11 +1,11 @@
 """Compute the sealing index ∫ pⁿ dl of a surface finish, and the smallest index that meets each leakage class.
 
-Designers of metal seals integrate a power of the contact pressure p over the width of the seal, and require that the
-integral is at least a given value (Murtagian et al., J. Tribol. 126, 2004, 591). The exponent n and the required value
-usually come from leak tests. This module computes the exponent and the required value from the leakage of a run.
+Designers of metal seals integrate a power of the contact pressure p over the width of the seal, and require a minimum
+value of this integral (Murtagian et al., J. Tribol. 126, 2004, 591). The exponent n and the required value usually come
+from leak tests. This module computes the exponent and the required value from the leakage of a run.
 
-Let k be the permeability of the seal, which changes only along the direction l of the flow. The leakage per unit length
-of the seal is
+Let k be the permeability of the seal, which varies only along the flow direction l. The leakage per unit length of the
+seal is
 
     q = D / ∫ dl/k,        D = (φ(p_in) − φ(p_out)) / ρ,
 
@@ -162,7 +162,7 @@ class SealingIndex:
 
 
 def fit_power_law(pressures: ArrayLike, permeabilities: ArrayLike) -> PowerLaw:
-    """Fit the power law whose largest relative deviation from the permeabilities is smallest (minimax fit).
+    """Fit the power law that minimises the largest relative deviation from the permeabilities (minimax fit).
 
     Parameters
     ----------
@@ -394,7 +394,7 @@ def indices_of_limits(
 
 
 class _Seal:
-    """Hold the leakage and the permeability of the seal of a run at each load step, with their 95 % interval.
+    """Hold leakage and permeability of the seal of a run at each load step, with their 95 % intervals.
 
     Attributes
     ----------

@@ -1,6 +1,6 @@
 """Judge whether a seal meets leakage classes, which load is required, and how certain this judgement is.
 
-The report, the tables, the answer of a design and the terminal output state the verdicts of this module.
+The verdicts of this module appear in the report, the tables, the terminal output and the results of a design.
 `LeakageCurve.needed` finds the load that is required to keep the leakage within a limit, on loading or on unloading;
 the module `verdict_text` puts the required load into words.
 
@@ -9,8 +9,8 @@ sealed at one of the two steps, or if one of the two loads is zero. If interpola
 the load of the step that meets the limit. The leakage is not extrapolated to loads outside the load cycle. If a
 required load lies outside the load cycle, it is only known to be above the highest load or below the lowest load.
 
-A leakage class is regarded as not met at a load at which the computation failed or the fluid carries the whole load. A
-class is also regarded as not met if the computed leakage is zero, but its 95 % interval has no upper bound.
+A leakage class counts as not met at loads where the computation failed or the fluid carries the whole load. A class
+also counts as not met if the computed leakage is zero but its 95 % interval has no upper bound.
 """
 
 from __future__ import annotations
@@ -114,8 +114,7 @@ class NeededPressure:
     def text(self, load_text: LoadText) -> str:
         """Say which load is required for the upper end of the 95 % interval to be within the limit.
 
-        The load that is required for the computed leakage to be within the limit is added in brackets, if it is
-        different.
+        If the computed leakage alone requires a different load, this load is added in brackets.
         """
         value = self.words(self.value, load_text)
         computed = self.words(self.computed, load_text)
@@ -466,7 +465,7 @@ def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> 
 def _uncertain_step(curve: LeakageCurve, limit: float) -> int | None:
     """Return a step on loading at which it is uncertain whether the leakage is within a limit, None if there is none.
 
-    At an uncertain step, the computed leakage is within the limit, but the upper end of its 95 % interval is not. If
+    A step is uncertain if its computed leakage is within the limit, but the upper end of its 95 % interval is not. If
     the assembly step is uncertain, it is returned. Otherwise, the uncertain step with the highest load is returned.
     """
     is_uncertain = within(curve.leakage, limit) & ~within(curve.upper, limit)

@@ -149,7 +149,7 @@ class _Answer:
         return f"{text} (95 % interval {ends})"
 
     def mass_per_year(self) -> str:
-        """Return the leakage at the assembly load as mass per year, "" if it is unknown, tiny or huge."""
+        """Return the leakage at the assembly load as mass per year, or "" if it is unknown, tiny or huge."""
         basis = self.results.class_basis
         leakage = float(self.curve.leakage[self.step])
         unit = LEAK_UNITS["kg/s"]
@@ -271,8 +271,8 @@ class _Answer:
 
         - If the 95 % interval at the assembly load meets all classes, say what narrows the interval at a lower load. At
           this lower load, the computed leakage meets a class, but the upper end of its interval does not.
-        - If the computed leakage at the assembly load meets all classes, but its interval does not, or if no classes
-          are given, say what narrows the interval and what lowers the leakage.
+        - If no classes are given, or if the computed leakage at the assembly load meets all classes but its interval
+          does not, say what narrows the interval and what lowers the leakage.
         - If the computed leakage at the assembly load does not meet a class, say what lowers the leakage, and by which
           factor it must fall.
         """

@@ -5,8 +5,8 @@ step serves as the time of a file, because the same load can occur both on loadi
 pressure of the load step is stored in each file as field data.
 
 pyvista writes the data sets with compression. Images are written as raw bytes, which take a quarter less space than
-base64 text. Meshes are written in base64, because meshio 5.3 mixes up the arrays of some files with raw bytes. This
-module writes the `.pvd` files, because pyvista does not support this format.
+base64 text. Meshes are written in base64, because meshio 5.3 mixes up the arrays in some files that contain raw bytes.
+This module writes the `.pvd` files, because pyvista does not support this format.
 
 The coordinates are x = x1 and y = x2 in metres. The name of an array contains its unit, without brackets. The files
 contain no text arrays, because meshio cannot read text arrays.

@@ -1,10 +1,10 @@
 """Describe the user's own code by plain data, so that the digest of a function changes with its code.
 
-A contact law that the user has changed may have the same name and parameters as before, but different code. Code of
-Python, femseal and installed packages is identified by its name and version. All other code is described by its
-bytecode, its constants and its default values. The description also contains the values of the variables that the code
-uses from enclosing functions and from its module. If a value cannot be described, `NoDigest` is raised. Results that
-depend on a value without a description are neither read from the store nor written to the store.
+If a user changes a contact law, it may keep its name and parameters, but its code is different. Code of Python, femseal
+and installed packages is identified by its name and version. All other code is described by its bytecode, its constants
+and its default values. The description also contains the values of the variables that the code uses from enclosing
+functions and from its module. If a value cannot be described, `NoDigest` is raised. Results that depend on a value
+without a description are neither read from the store nor written to the store.
 """
 
 from __future__ import annotations

@@ -115,7 +115,7 @@ class Store:
         return partial(_key, digest((numerical_versions(), stage.key or stage.function)))
 
     def over(self, mapper: Mapper) -> Mapper:
-        """Return a mapper that reads stored results, and computes and stores all other results by `mapper`."""
+        """Return a mapper that reads stored results, and uses `mapper` to compute the others, which it then stores."""
         return partial(self._map, mapper)
 
     def _map(self, mapper: Mapper, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
