@@ -183,7 +183,7 @@ _CALLISTER = "Callister, Materials Science and Engineering"
 
 
 def _metal(young: float, poisson: float, yield_stress: float, vickers: float) -> Solid:
-    """Return the solid for a metal, with a hardness that is converted from the Vickers hardness [HV].
+    """Return the solid for a metal, with a hardness converted from the Vickers hardness [HV].
 
     Parameters
     ----------

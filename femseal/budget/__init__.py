@@ -1,11 +1,11 @@
 """Estimate the error of a leakage, source by source: solver, pixels, filter, realisations, measured patch and model.
 
 `sources.py` lists all error sources, both for a run and for the forecast of its cost. Each error source names the
-modified versions of the input that must be solved (`versions.py`), and estimates the error from their leakages. There
+modified versions of the input that must be solved (`versions.py`), and estimates its error from their leakages. There
 is one error budget for the leakage of each study. `estimates.py` and `resolution.py` estimate its numerical errors,
 `changed_models.py` estimates the errors of the model, and `error_parts.py` combines all error sources into one
-interval. All errors are expressed as distances from ln(leakage), because near closing the leakage is uncertain by a
-factor rather than by a difference.
+interval. All errors are expressed on the logarithmic scale, as distances from ln(leakage), because the uncertainty of
+the leakage near closing is a factor rather than a difference.
 """
 
 from typing import TYPE_CHECKING

@@ -2,7 +2,7 @@
 
 An uncertain quantity, such as the hardness, may be too large or too small. A solution with an increased quantity does
 not show how the leakage changes if the quantity is reduced. If the error matters for the 95 % interval, the input is
-therefore solved twice: with the increased and with the reduced quantity.
+therefore solved twice, with an increased and with a reduced value.
 """
 
 from __future__ import annotations

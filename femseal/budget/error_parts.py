@@ -258,7 +258,7 @@ def within_others(
     The limits follow from two rules for the leakage. On loading, and on each unloading, the leakage does not rise with
     the load. At the same load, the leakage on unloading is not larger than the leakage on loading. If the computed
     leakage breaks one of the two rules, for example because the pressure map changes with the load, the intervals are
-    returned unchanged. Unknown ends of intervals remain unknown, and each interval contains the leakage of its step.
+    returned unchanged. Unknown ends remain unknown, and each interval still contains the leakage of its step.
 
     Returns the lower and the upper ends of the intervals, arrays (steps,) [m²/s].
     """
@@ -477,7 +477,7 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array
 
     The typical size of the change at a step is √(a² + b²). The term `a` is the root mean square of the known changes at
     the two nearest steps, including the step itself; if several steps are equally near, all these steps are used. The
-    term b is the change that a typical shift of the load would cause: the slope at the step times the mean shift of
+    term b is the change that a typical shift of the load would cause: the slope at the step, times the mean shift of
     ln(load) over the whole cycle.
 
     Parameters

@@ -83,7 +83,7 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     variance was measured on other surfaces in a similar contact state. The interval of ln(leakage) is taken from
     Student's distribution.
 
-    If the seal would be sealed without one of its patches, a jackknife of ln(leakage) is impossible. The interval of
+    If the computed leakage is 0 without one of the patches, a jackknife of ln(leakage) is impossible. The interval of
     such a seal begins at 0, and its upper end is computed by a jackknife of the leakage itself instead of its
     logarithm.
 
@@ -166,7 +166,7 @@ def median_interval(values: Array) -> Pair:
     """Compute the 95 % confidence interval of the median of a population from a sample of values (n,).
 
     The lower and upper ends are two of the sorted values (order statistics), which is valid for any distribution of
-    the values. With fewer than 6 values, order statistics do not give a 95 % interval, and a lognormal distribution is
+    the values. Fewer than 6 values do not give a 95 % interval by order statistics, and a lognormal distribution is
     assumed instead.
 
     >>> median_interval(np.arange(1.0, 11.0))
@@ -199,7 +199,7 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     The error is only estimated for stochastic seals with cells at random, if the fluid pressure acts on the surfaces.
     The function returns None for a study to which the error does not apply.
 
-    The error of ln(leakage) is a fraction of the change of ln(leakage) that the fluid pressure causes. The fraction was
+    The error of ln(leakage) is taken as a fraction of the change that the fluid pressure causes in it. The fraction was
     measured on seven surfaces whose width is four times their longest wavelength, under inlet pressures of 0.1 to 1
     times the nominal pressure. The computed ln(leakage) was too large by at most one half, or too small by at most one
     fifth, of the change due to the fluid pressure. For wider seals, the error is smaller.
@@ -226,8 +226,8 @@ def patch_form_part(
     """Estimate the error that arises because the curvature of a patch may be form deviation or roughness.
 
     The curvature of the patch may belong to the form deviation or to the roughness, and the seal may be more curved
-    than the patch. The distance from ln(leakage) to either end of its interval is the change of ln(leakage) when the
-    curvature is removed. On unloading, the distance is at least as large as at the highest load before unloading.
+    than the patch. Each end of the interval is as far from ln(leakage) as ln(leakage) changes when the curvature is
+    removed. On unloading, the distance is at least as large as at the highest load before unloading.
 
     In a test with eight maps and 140 loads, the leakage of a quarter of each map was compared with that of the whole
     map. In 49 % of the cases, the leakage of the whole map was between half and twice the leakage of the quarter. When
@@ -341,13 +341,13 @@ def error_budget(
     scene : input of the study.
     study : result of the study. For a stochastic study, the error of the median leakage is estimated.
     coarse : solutions of the same input on fewer points, of which only the first is used. If `coarse` is empty, the
-        error of the pixel size is left out, and the upper end of the interval at a sealed step is inf, unless the
-        contact fraction is so large that the step is certainly sealed.
+        error of the pixel size is left out. The upper end of the interval at a sealed step is then inf, unless a large
+        contact fraction shows that the step is certainly sealed.
     filtered : solution without the shortest octave of waves, that is, without the waves shorter than twice the shortest
         wavelength of the surface.
     kept_slope : rms slope of the surface, divided by its rms slope before waves were removed. The ratio is 1 if no
-        waves were removed, for example from a generated surface; there is then no error of the filter. The upper end of
-        the interval at a sealed step is inf if the removed waves may open the seal and the leakage of the open seal is
+        waves were removed, for example from a generated surface; there is then no error of the filter. At a sealed
+        step, the upper end of the interval is inf if the removed waves may open the seal and the resulting leakage is
         unknown.
     wave_pixels : number of pixels in the shortest wave of the surface. With more than 8 pixels, a smaller error of the
         pixel size is possible.

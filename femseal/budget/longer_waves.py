@@ -2,8 +2,8 @@
 
 If the roughness spectrum of the patch still rises towards the longest measured waves, the power law of the spectrum is
 extrapolated to waves as long as the seal is wide. Random waves with the extrapolated spectrum are added to the shape of
-the seal, and the contact pressure of each tile of the seal is computed. A tile is as large as the patch, and has the
-permeability of the patch under the contact pressure of the tile.
+the seal, and the contact pressure of each tile is computed. A tile is as large as the patch, and has the permeability
+of the patch under the contact pressure of the tile.
 """
 
 from __future__ import annotations
@@ -91,7 +91,7 @@ def longer_waves(
 
     The shortest random wave is as long as the side of the patch. The longest random wave is as long as the width of the
     seal or, if a flatness is given, as its longer side. The heights of the random waves follow from the extrapolated
-    spectrum of the patch if the spectrum rises towards long waves, and from the flatness otherwise.
+    spectrum of the patch if the spectrum rises towards long waves, and otherwise from the flatness.
 
     Parameters
     ----------

@@ -3,8 +3,8 @@
 The contact law limits the pressure of each point to the hardness H. In a real metal, the material yields below the
 surface. On small surfaces, the contact law was compared with solutions that use von Mises plasticity and the yield
 stress σ_y, see `docs/evidence/plastic_law.md`. The two leakages are equal if the contact law uses a suitable ratio
-H/σ_y. The suitable ratio H/σ_y depends on how plastic the contacts are, that is, on σ_y/(E* h′) with the contact
-modulus E* and the rms slope h′.
+H/σ_y. The suitable ratio H/σ_y depends on how plastic the contacts are, measured by σ_y/(E* h′), where E* is the
+contact modulus and h′ the rms slope.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""Estimate the error of a leakage that is caused by missing waves of the surface, or by solving on one grid only.
+"""Estimate the error of a leakage due to missing waves of the surface, or due to solving on one grid only.
 
 Waves are missing because a low-pass filter removed them, or because the instrument did not resolve them. If the
 spectrum is extrapolated, the added waves have arbitrary phases, and even shorter waves are still missing.
 
 The effect of the missing waves on the leakage has an upper bound. If the missing waves were added, the surface would be
-steeper, and its gap would be about equal to the gap of the smoother surface under a lower load. By Persson's theory,
+steeper. Its gap would then be about as large as that of the smoother surface under a lower load. By Persson's theory,
 the contact fraction is erf(c p/(E* h')), where p is the pressure, E* the contact modulus, h' the rms slope and c a
 constant. Let κ be the rms slope of the smoother surface divided by the rms slope of the complete surface. By Persson's
 theory, the smoother surface under the pressure κ p has the same contact fraction as the complete surface under the
@@ -185,9 +185,9 @@ def continuation_part(
 def raised_by_slope(
     part: ErrorPart, steps: LoadProgramme, leakage: Array, in_contact: Array, slope_ratio: float
 ) -> ErrorPart:
-    """Raise the upper ends of an interval to an upper bound that is computed from the slope of the removed waves.
+    """Raise the upper ends of an interval to a bound computed from the slope of the removed waves.
 
-    The surface with the removed waves would leak at most as much as the filtered surface under a lower load, see
+    With the removed waves, the surface would leak no more than the filtered surface does under a lower load, see
     `under_less_load`. If the leakage under the lower load is unknown at a sealed step, the upper end at the sealed step
     is inf.
 
@@ -221,7 +221,7 @@ def sealed_for_certain(in_contact: Array, slope_ratio: float = 1.0) -> Flags:
 
 
 def under_less_load(steps: LoadProgramme, q: Array, in_contact: Array, slope_ratio: float) -> Array:
-    """Estimate the leakage (steps,) at the load of each step, multiplied by the factor slope_ratio**LOAD_POWER.
+    """Estimate the leakage (steps,) at the reduced load of each step, which is its load times slope_ratio**LOAD_POWER.
 
     The leakage under the reduced load is 0 if the surface is sealed both under the load of the step and under the
     reduced load.

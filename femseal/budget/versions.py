@@ -209,7 +209,7 @@ def _lacks_waves(version: Version) -> bool:
 
 
 def _reduced(version: Version, surface: Surface) -> Version:
-    """Make the version with a coarser surface, which is divided into the same cells, and with fewer realisations.
+    """Make the version with fewer realisations and a coarser surface, which is divided into the same cells.
 
     The realisations of the coarser version use the same cells in the same tiles as the first realisations of the run,
     so that their leakages can be compared.

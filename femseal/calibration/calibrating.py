@@ -1,4 +1,4 @@
-"""Calibrate a case with a leak test: run a few simulations, interpolate their leakage, and compute the posterior.
+"""Calibrate a case with a leak test: run a few simulations, interpolate between them, and compute the posterior.
 
 A simulation solves the case with a given hardness and a given shortest wave. In names such as `scenes`, "scene" stands
 for a simulation.
@@ -347,8 +347,8 @@ def _explore(
 ) -> _Exploration:
     """Run simulations that cover the ranges evenly, and then more simulations where the posterior density is large.
 
-    Simulations are added until the surrogate is accurate enough where the posterior density is large, or until the
-    largest permitted number of simulations is reached.
+    Simulations are added until the surrogate is accurate enough where the posterior density is large, or until no more
+    simulations are permitted.
 
     Parameters
     ----------

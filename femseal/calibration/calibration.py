@@ -300,7 +300,7 @@ def _calibrated_curve(posterior: Posterior, cube: Array) -> Array:
 
 
 def _notes_on_ranges(cube: Array) -> list[str]:
-    """Make a note for each range that may be too narrow, because many samples lie at an end of the range.
+    """Make a note for each range that may be too narrow because many samples lie at one of its ends.
 
     cube : samples in the unit cube (n, 3).
     """

@@ -1,11 +1,11 @@
 """Compute the posterior of hardness, shortest wave and factor from a leak test, by Bayes' rule.
 
-The measured leakage is assumed to be the factor times the leakage of the model. ln(measured leakage) is normally
-distributed with the mean ln(factor) + ln(leakage of the model). The covariance of ln(measured leakage) at several loads
-has two parts: the errors of the test, which are independent of each other, and the errors of the surrogate, which are
-correlated between loads. If no leakage was detected at a load, the leak test has a sealed row. For a sealed row, the
-model must be sealed as well, or leak less than the limit of detection. The prior of each quantity is uniform in the
-logarithm of the quantity, within a given range.
+The measured leakage is assumed to be the factor times the leakage of the model. It is assumed that ln(measured leakage)
+is normally distributed with the mean ln(factor) + ln(leakage of the model). The covariance of ln(measured leakage) at
+several loads has two parts: the errors of the test, which are independent of each other, and the errors of the
+surrogate, which are correlated between loads. If no leakage was detected at a load, the leak test has a sealed row. For
+a sealed row, the model must be sealed as well, or leak less than the limit of detection. The prior of each quantity is
+uniform in the logarithm of the quantity, within a given range.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ class Posterior:
         return np.asarray(np.exp(low + cube * (high - low)))
 
     def predict(self, cube: Array) -> Prediction:
-        """Predict the factor times the leakage of the model for every row of the test, at points of the cube (n, 3)."""
+        """Predict the leakage of the model times the factor for every row of the test, at points of the cube (n, 3)."""
         model = self._predict_rows(cube[:, :2])
         log_factor = np.log(self.quantities(cube)[:, 2:])
         return Prediction(model.mean + log_factor, model.deviation, model.is_open)
@@ -283,8 +283,8 @@ class Posterior:
     def _slabs(self, centres: Array, n_along_side: int) -> _Slabs:
         """Divide the range of ln(factor) above small squares into slabs, and compute their probabilities.
 
-        The slabs cover the values of ln(factor) within `_SLAB_RANGE` standard deviations of its mean, as far as these
-        values lie in the range of the factor.
+        The slabs cover the part of the range of ln(factor) that lies within `_SLAB_RANGE` standard deviations of the
+        mean.
 
         centres : centres of the small squares (squares, 2).
         n_along_side : number of small squares that would fit along a side of the unit square.

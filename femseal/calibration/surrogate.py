@@ -16,8 +16,8 @@ maximise the posterior density with weak priors. The absolute amplitude is diffe
 Williams, Gaussian Processes for Machine Learning, 2006, sections 2.2, 2.7 and 5.4; Conti and O'Hagan, J Stat Plan
 Inference 140, 2010, section 2). Simulations without leakage are not used to fit the leakage.
 
-A second Gaussian process predicts whether the seal leaks. The second process is fitted by least squares to the value 1
-for each simulation that leaks, and −1 for each sealed simulation (Rasmussen and Williams, section 6.5).
+A second Gaussian process predicts whether the seal leaks. The second process is fitted by least squares to 1 for each
+simulation that leaks and to −1 for each sealed one (Rasmussen and Williams, section 6.5).
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ def _covariance(parameters: Array, a: Array, b: Array) -> Array:
 
 
 def _standardise(values: Array) -> tuple[Array, Array]:
-    """Return the standard deviations (k,) of the columns of values (n, k), and the standardised values (n, k)."""
+    """Return the standard deviation (k,) of each column of the values (n, k), and the standardised values (n, k)."""
     deviations = np.where(np.ptp(values, axis=0) > 0, values.std(0), 1.0)
     return deviations, (values - values.mean(0)) / deviations
 
@@ -408,7 +408,7 @@ def _correlation(errors: Array) -> Array:
 
 
 def _logarithm(mean: Array, deviation: Array) -> tuple[Array, Array]:
-    """Compute the distribution of ln(leakage) from the mean and the deviation of the cube root of the leakage.
+    """Compute the distribution of ln(leakage) from mean and standard deviation of the cube root of the leakage.
 
     Let x be the cube root of the leakage. The distribution of x is normal but truncated at 0, because x is positive if
     the seal leaks. Let Φ be the normal distribution function, and r = mean/deviation. The quantile of x at the

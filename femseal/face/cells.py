@@ -380,8 +380,8 @@ def correction_factors(
     The correction factor is the leakage of the whole surface divided by the leakage of its cells in their original
     order. If the surface or its cells are sealed in a state, or if a leakage is unknown, the state has no factor. A
     state without a factor takes the factor of the nearest state in the same branch of the load cycle. If no state of a
-    branch has a factor, the factor is 1 in all its states. The correction factor is limited, because the factor of a
-    nearly closed surface depends on single constrictions, which are not typical of other parts of the seal.
+    branch has a factor, the factor is 1 in all its states. The correction factor is limited, because for a nearly
+    closed surface it depends on single constrictions, which are not typical of other parts of the seal.
 
     Parameters
     ----------

@@ -3,10 +3,10 @@
 From first contact to closing, ln k is a nearly linear function of the cube root of the pressure. ln k is therefore
 interpolated monotonically over the cube root of the pressure (PCHIP; Fritsch & Carlson, SIAM J. Numer. Anal. 17, 1980,
 238). The peak is the pressure at which an unloading begins. The reopening pressure is the pressure at which a closed
-cell opens again on unloading. The unloading curve of a peak is interpolated between the unloading curves of the two
-nearest tabulated peaks, at equal fractions of the reopening pressures. The interpolated unloading curve is corrected so
-that it begins on the loading curve. For a peak below all tabulated peaks, the unloading curve is interpolated between
-the loading curve and the unloading curve of the lowest one.
+cell opens again on unloading. The unloading curve of a peak is interpolated between those of the two nearest tabulated
+peaks, at equal fractions of the reopening pressures. The interpolated unloading curve is corrected so that it begins on
+the loading curve. For a peak below all tabulated peaks, the unloading curve is interpolated between the loading curve
+and the unloading curve of the lowest one.
 """
 
 from __future__ import annotations
@@ -237,9 +237,9 @@ def _interpolate_log_k(weight: Array, a: Array, b: Array) -> Array:
 def local_peaks(paths: Array, steps: LoadProgramme) -> Array:
     """Return the highest pressure of a cell up to each step, on each pressure path: array (steps, paths) [Pa].
 
-    The history of an unloading step consists of the loading up to the peak load, and of the unloading from the peak
-    load to the step. The contact pressure of a single cell may decrease while the pressure of the seal increases. A
-    cell may therefore have its highest pressure at a different step from the seal.
+    The history of an unloading step consists of loading up to the peak load and unloading from there to the step. The
+    contact pressure of a single cell may decrease while the pressure of the seal increases. A cell may therefore have
+    its highest pressure at a different step from the seal.
     """
     highest = paths.copy()
     for branch in steps.branches:

@@ -1,10 +1,10 @@
 """Measure how strongly the flow through a surface is concentrated at a few constrictions.
 
 In a nearly closed surface, the flow passes through a few constrictions, so that the leakage of one measured patch says
-little about the leakage of other patches. To count the constrictions, the surface is divided into blocks about the size
-of one short wave. The participation number N = (Σd)²/Σd², with the dissipation d in each block, is the effective number
-of blocks that carry the flow. Source: Bell & Dean, Discuss. Faraday Soc. 50, 1970, 55 (participation number of a
-vibrational state).
+little about other patches. To count the constrictions, the surface is divided into blocks about the size of one short
+wave. The participation number N = (Σd)²/Σd², with the dissipation d in each block, is the effective number of blocks
+that carry the flow. Source: Bell & Dean, Discuss. Faraday Soc. 50, 1970, 55 (participation number of a vibrational
+state).
 """
 
 from __future__ import annotations

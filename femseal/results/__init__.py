@@ -1,4 +1,4 @@
-"""Collect the results of a run in a dataset, and make tables and files for other programs from it.
+"""Collect the results of a run in a dataset, and turn it into tables and files for other programs.
 
 The function `assemble` collects the results of all studies of a run in a dataset, and `save` and `open_results` write
 and read the dataset. From the dataset, all other modules of this package make tables, verdicts on leakage classes,

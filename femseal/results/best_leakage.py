@@ -143,7 +143,7 @@ def error_budgets(data: xarray.Dataset) -> dict[str, ErrorBudget]:
 
 
 def best_budget(data: xarray.Dataset) -> ErrorBudget | None:
-    """Return the error budget of the best method, None if the leakage of the best method has no error budget."""
+    """Return the error budget of the best method, or None if it has none."""
     return error_budgets(data).get(_BUDGET_NAMES[best_method(data)])
 
 

@@ -151,7 +151,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
     - `budget_part`: sources of error
 
     The attributes of the dataset store the case, the conditioning of the surface, versions, the machine, wall times,
-    the largest memory of the main process, warnings and failures. The attribute `solvers` contains the number of linear
+    the peak memory of the main process, warnings and failures. The attribute `solvers` contains the number of linear
     systems that each solver has solved, and the largest imbalance between inlet and outlet flow. The attribute
     `error_budget` says for each error source how its error was estimated.
     """

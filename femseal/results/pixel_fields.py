@@ -177,7 +177,7 @@ def stored_steps(run: Results) -> list[int]:
 
 
 def _from_memory(run: Results, name: str, step: int) -> _PixelField | None:
-    """Return a field at a load step from a study in memory, None if no study with this field is in memory."""
+    """Return a field at a load step from a study in memory, or None if no such study has it."""
     if run.scene is None:
         return None
     for field, values in _fields_in_memory(run):

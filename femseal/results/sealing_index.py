@@ -265,7 +265,7 @@ def fit_power_laws(
 def integrate_power(positions: ArrayLike, pressures: ArrayLike, exponent: float) -> float:
     """Integrate pⁿ over a profile of the contact pressure p, which is linear between the given positions.
 
-    If p rises linearly from `a` to `b` between two positions, the mean of pⁿ is (bⁿ⁺¹ − aⁿ⁺¹)/((n + 1)(b − a)).
+    If p varies linearly from `a` to `b` between two positions, the mean of pⁿ is (bⁿ⁺¹ − aⁿ⁺¹)/((n + 1)(b − a)).
 
     Parameters
     ----------

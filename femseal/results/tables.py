@@ -95,8 +95,8 @@ def leakage_table(run: Results) -> TextTable:
     - the leakage of the test fluid, and
     - the leakage classes that are met.
 
-    The unit of the leakage is given in the title of the table. The leakage of the whole seal and the leakage of the
-    test fluid have other units, which are given in the headings of their columns.
+    The unit of the leakage is given in the title of the table. The leakage of the whole seal and of the test fluid have
+    other units, which are given in their column headings.
 
     Parameters
     ----------

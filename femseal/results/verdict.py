@@ -78,7 +78,7 @@ class NeededPressure:
 
     @property
     def at(self) -> float:
-        """Required pressure for the computed leakage [Pa], NaN if this pressure is outside the loads of the run."""
+        """Required pressure for the computed leakage [Pa], NaN if it is outside the loads of the run."""
         return self.computed if 0 < self.computed < inf else np.nan
 
     @property
@@ -89,7 +89,7 @@ class NeededPressure:
         return "<=" if self.value == 0 else "="
 
     def bound(self, value: float) -> float:
-        """Return the highest load for a required pressure of inf, the lowest load for 0, and `value` otherwise."""
+        """Return `value`, or the highest load if `value` is inf, or the lowest load if it is 0."""
         if value == inf:
             return self.highest
         return self.lowest if value == 0 else value
@@ -132,9 +132,9 @@ class LeakageCurve:
     leakage : array
         Absolute value of the leakage per unit seal length, (step,) [m²/s]; inf where the leakage is unknown.
     lower, upper : array
-        Lower and upper ends of the 95 % interval, (step,) [m²/s]. The intervals of the steps are made consistent by the
-        rule that the leakage does not increase with the load, see `within_others`. Without an interval, `lower` and
-        `upper` are equal to the leakage.
+        Lower and upper ends of the 95 % interval, (step,) [m²/s]. The intervals are made consistent with the rule that
+        the leakage does not increase with the load, see `within_others`. Without an interval, `lower` and `upper` are
+        equal to the leakage.
     has_interval : bool
         True if the 95 % interval is known.
     """

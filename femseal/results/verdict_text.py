@@ -1,4 +1,4 @@
-"""State in sentences and in a table which leakage classes a run meets, for the terminal, the report and the designs.
+"""State, in sentences and in a table, which leakage classes a run meets. The terminal, the report and designs use both.
 
 The function `verdict_paragraphs` says whether each leakage class is met, which load it requires, and how much the seal
 leaks at the assembly load. It also says which action would help most, and whether the requested accuracy was reached.
@@ -295,8 +295,8 @@ class _Answer:
     def _vague_step(self, verdicts: Sequence[Verdict]) -> int | None:
         """Return the step on loading with the highest load at which it is uncertain whether a class is met.
 
-        At this step, the computed leakage is above 0 and meets a class, but the upper end of its 95 % interval does not
-        meet the class. The function returns None if it is certain at every step whether the classes are met.
+        At this step, the computed leakage is above 0 and meets a class, but the upper end of its 95 % interval does
+        not. The function returns None if it is certain at every step whether the classes are met.
         """
         for step in falling_steps(self.curve.steps, None).tolist():
             leakage = self.curve.leakage[step]
@@ -332,7 +332,7 @@ class _Answer:
         ]
 
     def _lowering(self) -> str:
-        """Say how a higher load and a smoother finish would change the leakage at the assembly load; "" if unknown."""
+        """Say how a higher load and a smoother finish would change the leakage at the assembly load, if known."""
         leakage = self.results.class_leakage[0]
         if not 0 < float(self.curve.leakage[self.step]) < inf:
             return ""

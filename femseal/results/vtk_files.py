@@ -46,7 +46,7 @@ _COMPRESSION = 1
 def loads_of(data: xarray.Dataset, dim: str = "step") -> Array:
     """Return the nominal pressure of each step, and the load from which the seal is unloaded, (step, 2) [Pa].
 
-    The load from which the seal is unloaded is NaN on loading. If `dim` is "state", the rows of the array are for the
+    The load from which the seal is unloaded is NaN on loading. If `dim` is "state", the rows of the array stand for the
     contact states of the face instead of the load steps.
     """
     prefix = "" if dim == "step" else f"{dim}_"

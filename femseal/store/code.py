@@ -3,8 +3,8 @@
 If a user changes a contact law, it may keep its name and parameters, but its code is different. Code of Python, femseal
 and installed packages is identified by its name and version. All other code is described by its bytecode, its constants
 and its default values. The description also contains the values of the variables that the code uses from enclosing
-functions and from its module. If a value cannot be described, `NoDigest` is raised. Results that depend on a value
-without a description are neither read from the store nor written to the store.
+functions and from its module. If a value cannot be described, `NoDigest` is raised. If a result depends on a value that
+cannot be described, it is neither read from the store nor written to it.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def _origin(module: str) -> str | None:
 
 @functools.cache
 def _installed_version(top: str) -> str | None:
-    """Return the names and versions of the packages that contain a top-level module; None without such a package."""
+    """Return the names and versions of the packages that contain a top-level module, None if there are none."""
     names = packages_distributions().get(top, [])
     return ", ".join(f"{name} {version(name)}" for name in sorted(names)) or None
 
