@@ -105,7 +105,7 @@ def model_changes(
     hardness: float = 0.1,
     form: FormTolerance | None = None,
 ) -> list[ModelChange]:
-    """List the changes of the input that correspond to possible errors of the model and of the input.
+    """List changes of the input that represent possible errors of the model and of the input itself.
 
     Parameters
     ----------
@@ -147,7 +147,7 @@ def model_part(
     solution: CoarserSolution,
     opposite: CoarserSolution | None = None,
 ) -> ErrorPart:
-    """Estimate the error that an uncertain quantity causes, from the leakage with a changed quantity.
+    """Estimate the error caused by an uncertain quantity from the leakage with a changed value of this quantity.
 
     Let e and e' be the changes of ln(leakage) that are caused by the change of the quantity and by the opposite change.
     The interval of ln(leakage) reaches from ln(leakage) + min(e, e') to ln(leakage) + max(e, e'). If e and e' have the

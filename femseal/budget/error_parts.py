@@ -2,7 +2,8 @@
 
 The class `ErrorPart` holds one error source, and the class `ErrorBudget` combines all error sources. The class
 `CoarserSolution` holds the leakage of a coarser solution, for example with larger pixels or without the shortest waves.
-The difference between a leakage and its coarser solution shows the error of the pixel size or of the removed waves.
+The difference between the leakage and the leakage of the coarser solution shows the error of the pixel size or of the
+removed waves.
 
 The change of ln(leakage) from one grid to a coarser grid is not a smooth function of the load. At loads where
 contacts open and close, the sign of the change is random. Near the load at which the last leakage path closes, the
@@ -148,8 +149,8 @@ class ErrorBudget:
     parts : tuple of ErrorPart
         Error sources.
     steps : LoadProgramme, optional
-        Load steps. If load steps are given, the intervals are made consistent with the rule that a seal leaks no more
-        under a higher load, see `within_others`. Without load steps, the interval of each step is not changed.
+        Load steps. If load steps are given, the intervals are made consistent with the rule that a seal never leaks
+        more under a higher load, see `within_others`. Without load steps, the interval of each step is not changed.
     separated : tuple of int
         Indices of the steps where the fluid carries the whole load, so that the faces are separated and the leakage
         is unknown.
@@ -508,7 +509,7 @@ def scale_of_changes(steps: LoadProgramme, change: Array, slope: Array) -> Array
 
 
 def mean_shift(change: Array, slope: Array) -> float:
-    """Compute the mean shift of ln(load) that would explain given changes of ln(leakage); 0 if there are no changes.
+    """Compute the mean shift of ln(load) that would explain given changes of ln(leakage), or 0 without changes.
 
     change : changes of ln(leakage) (n,).
     slope : slope |d ln(leakage)/d ln(load)| at the load of each change (n,).

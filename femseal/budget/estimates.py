@@ -76,12 +76,11 @@ def solver_part(scene: Scene, leakage: Array, in_contact: Array) -> ErrorPart:
 
 
 def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
-    """Estimate how far the mean leakage of several measured patches may be from the leakage of the whole surface.
+    """Estimate how far the mean leakage of several measured patches may deviate from that of the whole surface.
 
-    The variance of ln(leakage) is the weighted mean of two estimates, with their degrees of freedom as weights. One
-    estimate is the jackknife over the measured patches: each patch is left out once. The second estimate of the
-    variance was measured on other surfaces in a similar contact state. The interval of ln(leakage) is taken from
-    Student's distribution.
+    The variance of ln(leakage) is the mean of two estimates, weighted by their degrees of freedom. One estimate is the
+    jackknife over the measured patches: each patch is left out once. The second estimate of the variance was measured
+    on other surfaces in a similar contact state. The interval of ln(leakage) is taken from Student's distribution.
 
     If the computed leakage is 0 without one of the patches, a jackknife of ln(leakage) is impossible. The interval of
     such a seal begins at 0, and its upper end is computed by a jackknife of the leakage itself instead of its
@@ -156,7 +155,7 @@ def patches_to_halve(count: int) -> int:
 
 
 def realisations_part(study: StochasticResult) -> ErrorPart:
-    """Estimate the error that a finite number of realisations causes, from the confidence interval of their median."""
+    """Estimate the error due to the finite number of realisations from the confidence interval of their median."""
     note = f"interval of the median of {counted(len(study.leakage), 'realisation')} by its ranks"
     ends = np.array([median_interval(column) for column in study.leakage.T])
     return ErrorPart("realisations", ends[:, 0], ends[:, 1], note)

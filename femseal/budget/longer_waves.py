@@ -1,4 +1,4 @@
-"""Estimate how waves that are longer than the measured patch may change the leakage of a wider seal.
+"""Estimate how waves longer than the measured patch may change the leakage of a wider seal.
 
 If the roughness spectrum of the patch still rises towards the longest measured waves, the power law of the spectrum is
 extrapolated to waves as long as the seal is wide. Random waves with the extrapolated spectrum are added to the shape of

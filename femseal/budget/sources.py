@@ -1,10 +1,10 @@
 """List the error sources of the leakage of a run.
 
-The list of error sources is `SOURCES`. A run evaluates its error sources, and the forecast of a run counts the
-solutions that they need. An error source consists of two functions. The function `versions` lists the modified versions
-of the input that must be solved. The function `parts` estimates the error of a study from the leakages of these
-versions. To add an error source, write the two functions and add them to `SOURCES`. If the error source belongs to the
-model or to its input, also add its name to `MODEL_PARTS`.
+The list of error sources is `SOURCES`. A run evaluates its error sources; a forecast only counts the solutions that
+they need. An error source consists of two functions. The function `versions` lists the modified versions of the input
+that must be solved. The function `parts` estimates the error of a study from the leakages of these versions. To add an
+error source, write the two functions and add them to `SOURCES`. If the error source belongs to the model or to its
+input, also add its name to `MODEL_PARTS`.
 """
 
 from __future__ import annotations
@@ -235,7 +235,7 @@ def _thin_gap(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> list[
 def _plastic_law(
     evaluation: Evaluation, result: Any, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Estimate the error of the contact law, which limits the contact pressure to the hardness."""
+    """Estimate the error of the contact law, which does not let the contact pressure exceed the hardness."""
     request = evaluation.request
     ratio = request.hardness_over_yield
     return [plastic_law_part(request.version.scene, result, leakage_of(result), ratio)]

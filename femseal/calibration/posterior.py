@@ -38,8 +38,7 @@ _SLAB_RANGE = 4.5
 class Estimate:
     """Hold the median and the interval of a calibrated quantity in SI units.
 
-    The interval is the shortest interval on a logarithmic scale that contains the quantity with the probability
-    `PROBABILITY`.
+    On a logarithmic scale, this is the shortest interval that contains the quantity with the probability `PROBABILITY`.
     """
 
     median: float
@@ -227,8 +226,7 @@ class Posterior:
         quarter of the small squares contains nearly all of the probability, the others are dropped, and each of the
         remaining ones is divided into four. The division is repeated until the probability is spread over more than a
         quarter of the small squares. Above each small square, the range of ln(factor) is divided into slabs. For each
-        sample, a Sobol sequence chooses a slab, according to the probabilities of the slabs, and a point in the chosen
-        slab.
+        sample, a Sobol sequence chooses a slab, according to the probabilities, and then a point in it.
 
         The samples are insensitive to rounding errors. If the last digits of the density change, few samples move, and
         these move only to a neighbouring square. With a Markov chain, rounding errors would change all later samples.

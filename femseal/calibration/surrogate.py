@@ -158,7 +158,7 @@ class Process:
     def predict(self, points: Array) -> tuple[Array, Array]:
         """Predict the mean and the standard deviation of the k quantities at points (m, dimensions).
 
-        The mean and the standard deviation, two arrays (m, k), follow from the usual formulas of a Gaussian process
+        The mean and the standard deviation, two arrays (m, k), follow from the usual Gaussian-process formulas
         (Rasmussen and Williams, equations 2.25 and 2.26).
         """
         covariance = _covariance(self._parameters, points, self._points)  # (m, n)
@@ -205,9 +205,9 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
 
         −ln(density) = Σ ((parameter − median) / deviation)² / 2 + Σ (ν/2 ln(yᵀK⁻¹y) + ln|L|).
 
-    The first sum is over the parameters, which are ln(amplitude) and ln(correlation length), with the median and the
-    standard deviation of their prior. The second sum is over the columns y of all sets of data, with the covariance
-    K = LLᵀ. The number of degrees of freedom is ν = n − dimensions − 1 for n points.
+    The first sum is over the parameters, ln(amplitude) and ln(correlation length), with the median and the standard
+    deviation of their prior. The second sum is over the columns y of all sets of data, with the covariance K = LLᵀ. The
+    number of degrees of freedom is ν = n − dimensions − 1 for n points.
     """
     if not data_sets:
         return []

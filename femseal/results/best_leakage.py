@@ -97,7 +97,7 @@ def leak_basis_of(data: xarray.Dataset, prefix: str = "") -> LeakBasis:
 
 
 def asked_unit(data: xarray.Dataset) -> LeakUnit | None:
-    """Return the leakage unit that is given in the case, None if the case gives no unit.
+    """Return the leakage unit given in the case, or None if there is none.
 
     The unit of the case may suit only the service fluid or only the test fluid, because units for gases do not suit
     liquids.
@@ -169,7 +169,7 @@ def class_leakage_of(data: xarray.Dataset) -> Array:
 def class_leakage_of_realisations(data: xarray.Dataset) -> Array:
     """Return the class leakage for each realisation, (realisation, step) [m²/s].
 
-    A run without realisations gives a single row with the leakage of the best method.
+    For a run without realisations, there is a single row with the leakage of the best method.
     """
     variable = "test_leakage_realisations" if has_test_fluid(data) else "leakage"
     if variable in data and best_method(data) == "median":

@@ -274,7 +274,7 @@ def _add_stochastic(
     """Add the variables of a stochastic study.
 
     The variables are the leakages of all realisations, the fields of the cells in each contact state, and the fields of
-    the realisation whose leakage is nearest to the median leakage.
+    the realisation closest to the median leakage.
     """
     variables.add_realisations(data, result, quantiles)
     variables.add_states(data, result.cells)

@@ -100,7 +100,7 @@ def branch_text(peak: float | None, text: Callable[[float], str] = _pressure_tex
 
 
 def force_scale(data: xarray.Dataset) -> ForceScale | None:
-    """Return the scale that converts nominal pressures to forces, None if the case gives its loads as pressures."""
+    """Return the scale that converts nominal pressures to forces, or None if the case gives its loads as pressures."""
     table = json.loads(data.attrs.get("case", "{}")).get("load", {})
     loads = [*(table.get("loading") or ()), *(table.get("unload_from") or ())]
     # A force is stored as text with its unit, such as "2000.0 N", and a pressure as a number. All loads of a case have

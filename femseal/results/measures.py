@@ -193,8 +193,7 @@ def _patch_factor(results: Results, step: int, area_ratio: float) -> float:
 
     Let N be the number of blocks that carry the flow through the present surface, and r the ratio of the larger to the
     present area. For the larger area, the number of these blocks is r N. The factor is e(r N)/e(N), where e is the
-    function `error_of_few_carriers`. If N is unknown, the factor is 1/√r, as for the error of a mean of independent
-    samples.
+    function `error_of_few_carriers`. If N is unknown, the factor is 1/√r, as for the mean of independent samples.
 
     Parameters
     ----------

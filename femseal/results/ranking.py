@@ -48,7 +48,7 @@ class Ranking:
     has_intervals: bool
 
     def ranks(self) -> list[RankRange | None]:
-        """Return the ranks that each run can have within its 95 % interval, None if its leakage is unknown."""
+        """Return the ranks that each run can have within its 95 % interval, or None if its leakage is unknown."""
         known = np.isfinite(self.leakage)
         ranks: list[RankRange | None] = []
         for run in range(len(self.leakage)):

@@ -46,7 +46,7 @@ Run = Results | AnyPath
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunComparison(Plotted):
-    """Hold a comparison of several runs, whose loads, methods and seal lengths may differ.
+    """Hold a comparison of several runs, even if their loads, methods and seal lengths differ.
 
     Attributes
     ----------
@@ -369,7 +369,7 @@ class RunComparison(Plotted):
 
 
 def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None) -> RunComparison:
-    """Compare several finished runs, whose loads, methods, faces and seal lengths may differ.
+    """Compare several finished runs, even if their loads, methods, faces and seal lengths differ.
 
     Parameters
     ----------

@@ -571,7 +571,7 @@ def _check_uniform_pressure(results: Results) -> None:
 
 
 def index_text(value: float) -> str:
-    """Write a sealing index with two digits, such as 3400 or 1.2e7; write "unknown" if it is not finite."""
+    """Write a sealing index with two digits, such as 3400 or 1.2e7, or "unknown" if it is not finite."""
     if not isfinite(value):
         return "unknown"
     if value == 0:

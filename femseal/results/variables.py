@@ -93,7 +93,7 @@ def add_coordinate(
 
 
 def add_declared(data: xarray.Dataset, result: Any) -> None:
-    """Add all declared fields of a result, except the fields over all pixels, which are too large."""
+    """Add all declared fields of a result except the pixel fields, which are too large."""
     for declaration, values in fields_of(result):
         if declaration.dimensions != PIXEL and np.size(values):
             add(data, declaration, values)
@@ -160,8 +160,8 @@ def add_realisations(
 def add_states(data: xarray.Dataset, cells: FaceCells) -> None:
     """Add the contact states of the face and, for each state, the fields of the cells of the face.
 
-    In a stochastic study, the loads of the contact states can differ from the loads of the load steps. Fields for
-    contact states are renamed from "cell_..." to "state_...", so that they are not mistaken for fields at load steps.
+    In a stochastic study, the loads of contact states and load steps can differ. Fields for contact states are
+    renamed from "cell_..." to "state_...", so that they are not mistaken for fields at load steps.
     """
     add_load_steps(data, "state", "state_", cells.steps)
     add_cell_centres(data, "state_", cells.cut)

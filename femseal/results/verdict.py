@@ -4,10 +4,10 @@ The verdicts of this module appear in the report, the tables, the terminal outpu
 `LeakageCurve.needed` finds the load that is required to keep the leakage within a limit, on loading or on unloading;
 the module `verdict_text` puts the required load into words.
 
-Between load steps, ln(leakage) is interpolated linearly in ln(pressure). Interpolation is impossible if the seal is
-sealed at one of the two steps, or if one of the two loads is zero. If interpolation is impossible, the required load is
-the load of the step that meets the limit. The leakage is not extrapolated to loads outside the load cycle. If a
-required load lies outside the load cycle, it is only known to be above the highest load or below the lowest load.
+Between load steps, ln(leakage) is interpolated linearly in ln(pressure). Interpolation is impossible if one of the two
+steps is sealed or has a load of zero. If interpolation is impossible, the required load is the load of the step that
+meets the limit. The leakage is not extrapolated to loads outside the load cycle. If a required load lies outside the
+load cycle, it is only known to be above the highest load or below the lowest load.
 
 A leakage class counts as not met at loads where the computation failed or the fluid carries the whole load. A class
 also counts as not met if the computed leakage is zero but its 95 % interval has no upper bound.
@@ -199,9 +199,9 @@ class LeakageCurve:
         limit : float
             Largest permitted leakage per unit seal length [m²/s].
         peak : float, optional
-            Highest load before unloading [Pa]. If `peak` is given, the function returns the lowest load on unloading at
-            which the leakage is still within the limit. By default, the function returns the load on loading above
-            which the leakage is within the limit.
+            Highest load before unloading [Pa]. If `peak` is given, the result is the lowest load on unloading at which
+            the leakage is still within the limit. By default, the result is the load on loading above which the leakage
+            is within the limit.
         """
         steps = falling_steps(self.steps, peak)
         return self._needed(self.steps.pressures[steps], steps, limit, peak is not None)
@@ -463,7 +463,7 @@ def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> 
 
 
 def _uncertain_step(curve: LeakageCurve, limit: float) -> int | None:
-    """Return a step on loading at which it is uncertain whether the leakage is within a limit, None if there is none.
+    """Return a step on loading at which it is uncertain whether the leakage is within a limit, if there is one.
 
     A step is uncertain if its computed leakage is within the limit, but the upper end of its 95 % interval is not. If
     the assembly step is uncertain, it is returned. Otherwise, the uncertain step with the highest load is returned.

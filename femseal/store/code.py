@@ -1,7 +1,7 @@
 """Describe the user's own code by plain data, so that the digest of a function changes with its code.
 
 If a user changes a contact law, it may keep its name and parameters, but its code is different. Code of Python, femseal
-and installed packages is identified by its name and version. All other code is described by its bytecode, its constants
+and installed packages is identified by its name and version. Any other code is described by its bytecode, its constants
 and its default values. The description also contains the values of the variables that the code uses from enclosing
 functions and from its module. If a value cannot be described, `NoDigest` is raised. If a result depends on a value that
 cannot be described, it is neither read from the store nor written to it.
@@ -101,7 +101,7 @@ def is_known(module: str) -> bool:
 
 
 def _origin(module: str) -> str | None:
-    """Return the version of the package that installed a module; None if the module was not installed.
+    """Return the version of the package that installed a module, or None if no package did.
 
     The returned version is "" for modules of Python and femseal, because their versions are already part of every key
     in a store.
@@ -117,7 +117,7 @@ def _origin(module: str) -> str | None:
 
 @functools.cache
 def _installed_version(top: str) -> str | None:
-    """Return the names and versions of the packages that contain a top-level module, None if there are none."""
+    """Return the names and versions of the packages that contain a top-level module, or None if there are none."""
     names = packages_distributions().get(top, [])
     return ", ".join(f"{name} {version(name)}" for name in sorted(names)) or None
 
@@ -224,7 +224,7 @@ def _is_generated_by_dataclass(value: Any) -> bool:
 def _state(value: Any) -> list[Any]:
     """Return the names and values of the fields of a dataclass object.
 
-    For a class of the user, attributes that are not fields are returned as well, except for values stored by
+    For a user-defined class, attributes that are not fields are returned as well, except for values stored by
     `cached_property`.
     """
     kind = type(value)

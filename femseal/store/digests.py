@@ -17,8 +17,8 @@ def digest(value: Any) -> str:
     Parameters
     ----------
     value : plain data (see `femseal.store.plain_data`), file paths, user-defined functions, classes and objects, or
-    tuples, lists and dictionaries of such values. A path is represented by the content of the file. A function, class
-    or object of a user is represented by a description of its code, see `femseal.store.code`.
+    tuples, lists and dictionaries of such values. A path is represented by the content of the file. A user-defined
+    function, class or object is represented by a description of its code, see `femseal.store.code`.
 
     Returns
     -------

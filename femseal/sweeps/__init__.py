@@ -1,1 +1,1 @@
-"""Run a case with several values of some keys of the case file, and compare the runs."""
+"""Run a case with several values of some case keys, and compare the runs."""
