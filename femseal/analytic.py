@@ -424,7 +424,7 @@ def persson_area(pressure: ArrayLike, spread: ArrayLike, hardness: float = inf) 
 
 
 class Junction(NamedTuple):
-    """Hold the result of `critical_junction`.
+    """Result of `critical_junction`.
 
     Attributes
     ----------
@@ -534,7 +534,7 @@ def _gap_of_touching_parts(
 
 
 class _GapIntegral(NamedTuple):
-    """Hold the tabulated integral G of `critical_junction`.
+    """Tabulated integral G of `critical_junction`.
 
     Attributes
     ----------

@@ -72,7 +72,7 @@ def _density(default: float) -> Any:
 
 @dataclass(frozen=True, kw_only=True)
 class _OnFaces:
-    """Hold the properties common to all liquids of constant density, at the faces and in closed pockets.
+    """Properties common to all liquids of constant density, at the faces and in closed pockets.
 
     Parameters
     ----------

@@ -24,7 +24,7 @@ FLOOR = 1e-3
 
 @dataclass(frozen=True)
 class LoadStep:
-    """Hold one step of a load programme.
+    """One step of a load programme.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class LoadStep:
 
 
 class LoadProgramme(tuple[LoadStep, ...]):
-    """Hold the load steps in the order in which they are solved.
+    """Load steps in the order in which they are solved.
 
     The loading steps come first, followed by the unloading steps from each peak load. A load programme is a tuple of
     steps. `LoadProgramme.of` makes a load programme from lists of pressures, and checks the lists.

@@ -55,7 +55,7 @@ _LEAST_SLOPE = 1e-200
 
 @dataclass(frozen=True)
 class NamedFluid:
-    """Hold the properties of a named fluid, from which `femseal.fluids` makes a liquid or an ideal gas.
+    """Properties of a named fluid, from which `femseal.fluids` makes a liquid or an ideal gas.
 
     Parameters
     ----------
@@ -466,7 +466,7 @@ def solve_for_pressure(
 
 
 class _Table(NamedTuple):
-    """Hold the tabulated potential of a real gas.
+    """Tabulated potential of a real gas.
 
     Attributes
     ----------
@@ -574,7 +574,7 @@ def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:
 
 @dataclass(frozen=True)
 class IdealGasError:
-    """Hold the ratio of the ideal-gas leakage to the leakage of the corresponding real gas.
+    """Ratio of the ideal-gas leakage to the leakage of the corresponding real gas.
 
     Parameters
     ----------

@@ -18,7 +18,7 @@ _UNDAMPED = 8
 
 @dataclass(frozen=True, eq=False)
 class FixedPoint(Generic[Solution]):
-    """Hold the solution of a fixed-point problem.
+    """Solution of a fixed-point problem.
 
     Parameters
     ----------

@@ -40,7 +40,7 @@ DROP, BUBBLE = 0.05e-6, 0.15e-6
 
 @dataclass(frozen=True)
 class LeakBasis:
-    """Hold the quantities needed to convert a volume rate per length of seal to other units.
+    """Quantities needed to convert a volume rate per length of seal to other units.
 
     Parameters
     ----------

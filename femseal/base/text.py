@@ -23,7 +23,7 @@ _GROUP_WIDTH = 13
 
 @dataclass(frozen=True)
 class TextTable:
-    """Hold a table of texts, which can be shown in a terminal, a notebook or the report.
+    """A table of texts, which can be shown in a terminal, a notebook or the report.
 
     Parameters
     ----------
@@ -284,7 +284,7 @@ def display_package(name: str) -> ModuleType:
 
 
 class _Fact(NamedTuple):
-    """Hold the name of a property or field, its value as text, and its meaning ("" for a property)."""
+    """Name of a property or field, its value as text, and its meaning ("" for a property)."""
 
     name: str
     text: str

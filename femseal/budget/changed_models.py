@@ -62,7 +62,7 @@ class ModelChange:
 
 @dataclass(frozen=True)
 class FormTolerance:
-    """Hold the form deviations of a seal and the shape of its seat, with the relative errors of their heights.
+    """Form deviations of a seal and the shape of its seat, with the relative errors of their heights.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ _MAY_CLOSE = 1.5
 
 @dataclass(frozen=True)
 class ErrorPart:
-    """Hold one error source, with the 95 % interval that the leakage would have without any other error.
+    """One error source, with the 95 % interval that the leakage would have without any other error.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class ErrorPart:
 
 @dataclass(frozen=True, repr=False)
 class ErrorBudget:
-    """Hold the error budget of the leakage that a study computed: its error sources and its 95 % interval.
+    """Error budget of the leakage that a study computed: its error sources and its 95 % interval.
 
     Parameters
     ----------
@@ -333,7 +333,7 @@ def _width(leakage: Array, lower: Array, upper: Array) -> Array:
 
 @dataclass(frozen=True)
 class WidestInterval:
-    """Hold the widest 95 % interval of an error budget, among the load steps that `counting_steps` selects.
+    """Widest 95 % interval of an error budget, among the load steps that `counting_steps` selects.
 
     Parameters
     ----------
@@ -412,7 +412,7 @@ def _largest(widths: Array) -> float:
 
 @dataclass(frozen=True)
 class CoarserSolution:
-    """Hold the leakage of a solution on fewer points, without the shortest waves or with a changed model.
+    """Leakage of a solution on fewer points, without the shortest waves or with a changed model.
 
     Parameters
     ----------

@@ -50,7 +50,7 @@ from .versions import (
 
 
 class ChangedInput(NamedTuple):
-    """Hold a change of the model, the input with this change, and the input with the opposite change.
+    """A change of the model, the input with this change, and the input with the opposite change.
 
     `opposite_version` is None if the model has no change in the opposite direction.
     """
@@ -62,7 +62,7 @@ class ChangedInput(NamedTuple):
 
 @dataclass(frozen=True)
 class BudgetRequest:
-    """Hold the input of a run and the options of its error budget.
+    """Input of a run and the options of its error budget.
 
     Parameters
     ----------

@@ -229,7 +229,7 @@ def _reduced(version: Version, surface: Surface) -> Version:
 
 @dataclass(frozen=True, eq=False)
 class VersionLeakage:
-    """Hold the leakage that a study computed for a modified version of the input.
+    """Leakage that a study computed for a modified version of the input.
 
     leakage : leakage at every step (steps,) [m²/s].
     realisations : number of realisations; None if the study has no realisations.

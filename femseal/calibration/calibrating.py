@@ -324,7 +324,7 @@ def _solve_scene(
 
 @dataclass(frozen=True)
 class _Exploration:
-    """Hold the posterior, and the simulations from which the posterior was computed.
+    """The posterior, and the simulations from which the posterior was computed.
 
     posterior : posterior density.
     scenes : hardness [Pa] and shortest wave [m] of each simulation (simulations, 2).

@@ -1,4 +1,4 @@
-"""Hold the result of a calibration, and show it in tables, files and a picture."""
+"""Store the result of a calibration, and show it in tables, files and a picture."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ _AXES_HEIGHT = 2.0
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Calibration(Plotted):
-    """Hold the result of a calibration, see `calibrate`.
+    """Result of a calibration, see `calibrate`.
 
     Parameters
     ----------

@@ -41,7 +41,7 @@ _COLUMN_OF_NAME = {
 
 @dataclass(frozen=True, eq=False)
 class LeakTest:
-    """Hold the leakages of a seal that were measured in a leak test.
+    """Leakages of a seal that were measured in a leak test.
 
     A row of the test is a measurement. A row is called sealed if no leakage was detected.
 
@@ -102,14 +102,14 @@ class LeakTest:
 
 
 class _Column(NamedTuple):
-    """Hold the index of a column in the file, and the factor that converts its values to the unit of the case."""
+    """Index of a column in the file, and the factor that converts its values to the unit of the case."""
 
     position: int
     factor: float
 
 
 class _Leakage(NamedTuple):
-    """Hold the leakage of a row, or its limit of detection (NaN if not given) if no leakage was detected."""
+    """Leakage of a row, or its limit of detection (NaN if not given) if no leakage was detected."""
 
     value: float
     is_sealed: bool

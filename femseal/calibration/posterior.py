@@ -36,7 +36,7 @@ _SLAB_RANGE = 4.5
 
 @dataclass(frozen=True)
 class Estimate:
-    """Hold the median and the interval of a calibrated quantity in SI units.
+    """Median and interval of a calibrated quantity in SI units.
 
     On a logarithmic scale, this is the shortest interval that contains the quantity with the probability `PROBABILITY`.
     """
@@ -59,7 +59,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class FactorDensity:
-    """Hold the posterior density of ln(factor) for several pairs of hardness and shortest wave.
+    """Posterior density of ln(factor) for several pairs of hardness and shortest wave.
 
     The posterior density is a product of two terms: a normal density of ln(factor), which follows from the measured
     leakages, and the probabilities of the rows in which the test found no leakage.
@@ -108,7 +108,7 @@ class FactorDensity:
 
 @dataclass(frozen=True, eq=False)
 class _Slabs:
-    """Hold a grid over the posterior density, whose cells are called slabs.
+    """A grid over the posterior density, whose cells are called slabs.
 
     The unit square of hardness and shortest wave is divided into small squares. Above each small square, the range of
     ln(factor) is divided into slabs of equal width.

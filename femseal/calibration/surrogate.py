@@ -190,7 +190,7 @@ class Process:
 
 @dataclass(frozen=True)
 class _Data:
-    """Hold the values (n, k) of k quantities at points (n, dimensions) of the unit cube."""
+    """Values (n, k) of k quantities at points (n, dimensions) of the unit cube."""
 
     points: Array
     values: Array
@@ -251,7 +251,7 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
 
 @dataclass(frozen=True)
 class _LoadGroup:
-    """Hold a group of loads where exactly the same simulations leak.
+    """A group of loads where exactly the same simulations leak.
 
     loads : indices of the loads in the group. simulations : indices of the simulations that leak at the loads.
     """
@@ -280,7 +280,7 @@ def _group_loads(is_open: Flags) -> list[_LoadGroup]:
 
 
 class Prediction(NamedTuple):
-    """Hold the leakage that the surrogate predicts at several points and loads.
+    """Leakage that the surrogate predicts at several points and loads.
 
     Parameters
     ----------
@@ -296,7 +296,7 @@ class Prediction(NamedTuple):
 
 
 class _ProcessAtLoads(NamedTuple):
-    """Hold the indices of several loads, and the Gaussian processes of a quantity at these loads."""
+    """Indices of several loads, and the Gaussian processes of a quantity at these loads."""
 
     loads: list[int]
     process: Process

@@ -51,7 +51,7 @@ Relief = Annotated[Length, UsualRange(1e-10, 1e-3, "m")]
 
 
 class FaceMap(NamedTuple):
-    """Hold a map of heights, the limits of its instrument, and notes on how its file was interpreted."""
+    """A map of heights, the limits of its instrument, and notes on how its file was interpreted."""
 
     topography: Topography
     instrument: Instrument

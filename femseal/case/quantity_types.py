@@ -32,7 +32,7 @@ _LARGEST_COUNT = 10**12
 
 
 class Amount(float):
-    """Hold a number in SI units together with its unit, such as a load or a value derived from other keys."""
+    """A number in SI units together with its unit, such as a load or a value derived from other keys."""
 
     unit: str
 

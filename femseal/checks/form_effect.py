@@ -39,7 +39,7 @@ _CONTACT_RTOL, _FLOW_RTOL = 1e-3, 1e-2
 
 @dataclass(frozen=True, eq=False)
 class FormEffect:
-    """Hold the permeability of a measured patch: with all waves, without curvature, and without the longest waves.
+    """Permeability of a measured patch: with all waves, without curvature, and without the longest waves.
 
     Attributes
     ----------

@@ -41,7 +41,7 @@ _FORM_DEGREE = 4
 
 @dataclass(frozen=True, eq=False)
 class QuickEstimate:
-    """Hold the estimated contact and leakage of a surface at several loads; values are NaN where unknown.
+    """Estimated contact and leakage of a surface at several loads; values are NaN where unknown.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Hold the data of the contact solver for one grid: products with K, the preconditioner, and work arrays."""
+"""Data of the contact solver for one grid: products with K, the preconditioner, and work arrays."""
 
 from __future__ import annotations
 

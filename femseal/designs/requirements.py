@@ -24,7 +24,7 @@ ENDS = (0.05, 0.95)
 
 @dataclass(frozen=True, eq=False)
 class Seals:
-    """Hold the leakages of all realisations of a seal at all load steps.
+    """Leakages of all realisations of a seal at all load steps.
 
     Parameters
     ----------
@@ -187,7 +187,7 @@ def _rank(fraction: float, count: int) -> int:
 
 @dataclass(frozen=True)
 class Requirement:
-    """Hold the pressures at which a seal meets a leakage class.
+    """Pressures at which a seal meets a leakage class.
 
     Parameters
     ----------

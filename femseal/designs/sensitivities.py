@@ -42,7 +42,7 @@ _INLET_CHANGE = 1e-4
 
 @dataclass(frozen=True)
 class Sensitivity:
-    """Hold the logarithmic slopes of leakage L and pressure Qmin with respect to one quantity x.
+    """Logarithmic slopes of leakage L and pressure Qmin with respect to one quantity x.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Sensitivity:
 
 @dataclass(frozen=True)
 class Variants:
-    """Hold the input of the sensitivities: solutions with one quantity changed, and properties of solids and fluid.
+    """Input of the sensitivities: solutions with one quantity changed, and properties of solids and fluid.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class Variants:
 
 @dataclass(frozen=True)
 class _Slope:
-    """Hold the slope d ln L/d ln x of the leakage (NaN if unknown) and a text that says how the slope was computed."""
+    """Slope d ln L/d ln x of the leakage (NaN if unknown) and a text that says how the slope was computed."""
 
     value: float
     how: str

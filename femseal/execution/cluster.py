@@ -165,7 +165,7 @@ def _map(client: Any, stage: Stage, *iterables: Iterable[Any]) -> Iterator[Any]:
 
 
 class _Sent(NamedTuple):
-    """Hold an item and the Dask task that computes it."""
+    """An item and the Dask task that computes it."""
 
     item: tuple[Any, ...]
     task: Any

@@ -111,7 +111,7 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
 
 
 class _StageLimits(NamedTuple):
-    """Hold how many items of a stage are computed or waiting at the same time, and the threads of each process.
+    """Number of items of a stage that are computed or waiting at the same time, and the threads of each process.
 
     dispatched_items : number of items that joblib dispatches in advance, as passed to its argument `pre_dispatch`.
     threads : number of threads with which each process computes an item.

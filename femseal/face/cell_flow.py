@@ -56,7 +56,7 @@ def attempt(solve: Callable[..., Result], *arguments: Any, **options: Any) -> Re
 
 @dataclass(frozen=True)
 class SolveCounts:
-    """Hold the number of linear systems that each solver has solved, and the numbers of open and closed cells.
+    """Number of linear systems that each solver has solved, and the numbers of open and closed cells.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class SolveCounts:
 
 @dataclass(frozen=True)
 class FlowSettings:
-    """Hold the settings for the flow through a surface and its cells.
+    """Settings for the flow through a surface and its cells.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ _DEFAULT_SETTINGS = FlowSettings()
 
 @dataclass(frozen=True, eq=False)
 class CellPermeabilities:
-    """Hold the permeability of a cell along one axis.
+    """Permeability of a cell along one axis.
 
     Attributes
     ----------
@@ -198,7 +198,7 @@ def cell_permeabilities(
 
 @dataclass(frozen=True, eq=False)
 class FaceFlow:
-    """Hold the flow along x1 through a whole surface.
+    """Flow along x1 through a whole surface.
 
     Attributes
     ----------

@@ -57,7 +57,7 @@ def usual_cells(surface: Surface, in_order: bool = False) -> Shape:
 
 @dataclass(frozen=True, eq=False)
 class WidenedCell:
-    """Hold the values of a field in a cell and in its overlaps into neighbouring cells, perpendicular to the flow.
+    """Values of a field in a cell and in its overlaps into neighbouring cells, perpendicular to the flow.
 
     Attributes
     ----------
@@ -267,7 +267,7 @@ def _divide_range(first: int, points: int, count: int) -> list[int]:
 
 @dataclass(frozen=True, eq=False)
 class CellState:
-    """Hold the properties of the cells of a surface in one contact state.
+    """Properties of the cells of a surface in one contact state.
 
     Attributes
     ----------

@@ -46,7 +46,7 @@ _MOST_MEDIANS = 3
 
 @dataclass(frozen=True)
 class _CellValues:
-    """Hold the values of all cells in every contact state of a run.
+    """Values of all cells in every contact state of a run.
 
     Attributes
     ----------

@@ -39,7 +39,7 @@ LEGEND_LINE = 0.155
 
 @dataclass(frozen=True)
 class Margins:
-    """Hold the widths of the margins around the axes of a panel [inch]."""
+    """Widths of the margins around the axes of a panel [inch]."""
 
     left: float
     right: float

@@ -40,7 +40,7 @@ COMMON_SCALE = (1.0, "leakage per length of seal [m²/s]")
 
 @dataclass(frozen=True)
 class LeakageCurves:
-    """Hold the leakages per seal length drawn in one panel, against the loads of a load cycle.
+    """Leakages per seal length drawn in one panel, against the loads of a load cycle.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
 
 
 class BandHandle(tuple[Any, ...]):
-    """Hold the text of a legend entry, and a coloured patch for each shaded area that it explains."""
+    """Text of a legend entry, and a coloured patch for each shaded area that it explains."""
 
     label: str
 

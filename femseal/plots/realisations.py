@@ -44,7 +44,7 @@ _LONGEST_TO_SCALE = 8.0
 
 @dataclass(frozen=True)
 class _TileValues:
-    """Hold the data for a map of the seal, with a value for each tile.
+    """Data for a map of the seal, with a value for each tile.
 
     Attributes
     ----------

@@ -87,7 +87,7 @@ def _most_varied_key(comparison: RunComparison) -> int | None:
 
 @dataclass(frozen=True)
 class _Bands:
-    """Hold the 95 % intervals of the leakages of several runs, or the scatter between realisations.
+    """95 % intervals of the leakages of several runs, or the scatter between realisations.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ _DENSITY_PER_INCH, _LEAST_DENSITY = 0.35, 0.3
 
 @dataclass(frozen=True)
 class _FlowGrid:
-    """Hold the flow of the tiles, interpolated at the points of a regular grid over a panel.
+    """Flow of the tiles, interpolated at the points of a regular grid over a panel.
 
     Attributes
     ----------

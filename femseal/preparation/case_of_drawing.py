@@ -43,7 +43,7 @@ _UNLOADING = (0.6, 0.3)
 
 
 class _SurfaceSize(NamedTuple):
-    """Hold the size of a generated surface and its numbers of points.
+    """Size of a generated surface and its numbers of points.
 
     Attributes
     ----------

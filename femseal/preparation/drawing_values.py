@@ -15,7 +15,7 @@ _USUAL_PRESSURE = 0.3
 
 
 class Question(NamedTuple):
-    """Hold a question about a drawing, and the value that is assumed if the user does not answer the question.
+    """A question about a drawing, and the value that is assumed if the user does not answer the question.
 
     Attributes
     ----------
@@ -69,7 +69,7 @@ class Plating:
 
 @dataclass(frozen=True)
 class Drawing:
-    """Hold the values from a drawing and a specification, with lengths in m, pressures in Pa and forces in N.
+    """Values from a drawing and a specification, with lengths in m, pressures in Pa and forces in N.
 
     Attributes
     ----------

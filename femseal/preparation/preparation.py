@@ -52,7 +52,7 @@ from .surface import condition_surface
 
 @dataclass(frozen=True)
 class Prepared:
-    """Hold the input of the studies that was prepared from a case, with reports on the preparation of the surface.
+    """Input of the studies that was prepared from a case, with reports on the preparation of the surface.
 
     Attributes
     ----------
@@ -362,7 +362,7 @@ def _form_tolerance(
 
 @dataclass(frozen=True)
 class _Seal:
-    """Hold the size of the seal, and whether the shape of the seat is treated as a separate form deviation.
+    """Size of the seal, and whether the shape of the seat is treated as a separate form deviation.
 
     Attributes
     ----------
@@ -498,7 +498,7 @@ def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tupl
 
 @dataclass(frozen=True)
 class _StochasticInput:
-    """Hold the input of the stochastic study, including the form deviations or the pressure map of the seal.
+    """Input of the stochastic study, including the form deviations or the pressure map of the seal.
 
     sampling : options of the stochastic study.
     cells : numbers of cells of the surface along x1 and x2.

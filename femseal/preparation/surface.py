@@ -48,7 +48,7 @@ RepairedMap = tuple[Topography, Repair]
 
 @dataclass(frozen=True, eq=False)
 class ConditionedSurface:
-    """Hold the surface with which a case is solved, and reports on its preparation.
+    """Surface with which a case is solved, and reports on its preparation.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ def _check_cells(surface: Surface, cells: Shape, shortest_wave: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _RepairedFaces:
-    """Hold the repaired maps of all faces, and the sum of the maps.
+    """Repaired maps of all faces, and the sum of the maps.
 
     Attributes
     ----------
@@ -173,7 +173,7 @@ class _RepairedFaces:
 
 
 class _RepairedFace(NamedTuple):
-    """Hold the repaired maps of a face.
+    """Repaired maps of a face.
 
     maps : one repaired map for each patch.
     instruments : instrument of each map.

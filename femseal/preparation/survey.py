@@ -73,7 +73,7 @@ _SHOWN_LINES = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "sh
 
 @dataclass(frozen=True)
 class _SurveyedSurface:
-    """Hold the description of a measured surface, and the results of checks of the surface.
+    """Description of a measured surface, and the results of checks of the surface.
 
     Attributes
     ----------

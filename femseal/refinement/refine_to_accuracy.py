@@ -50,7 +50,7 @@ log = logging.getLogger("femseal.refinement")
 
 @dataclass(frozen=True)
 class Settings:
-    """Hold the numerical settings of an attempt.
+    """Numerical settings of an attempt.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ class Attempt:
 
 @dataclass(frozen=True, eq=False)
 class RefinedAnswer:
-    """Hold the result of the last attempt, which has the finest settings, and a record of all attempts.
+    """Result of the last attempt, which has the finest settings, and a record of all attempts.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
 class KeyNumber(NamedTuple):
-    """Hold a number at the top of the report: label, value with its unit, and 95 % interval ("" if it is unknown)."""
+    """A number at the top of the report: label, value with its unit, and 95 % interval ("" if it is unknown)."""
 
     label: str
     value: str
@@ -177,7 +177,7 @@ def important_steps(results: Results) -> list[int]:
 
 
 class _BudgetLine(NamedTuple):
-    """Hold a line of the table of the error budget.
+    """A line of the table of the error budget.
 
     Attributes
     ----------

@@ -49,7 +49,7 @@ from .results import Results
 
 @dataclass(frozen=True)
 class RunFacts:
-    """Hold the data of a run that are stored in its dataset, in addition to the input and the results of the studies.
+    """Data of a run that are stored in its dataset, in addition to the input and the results of the studies.
 
     Attributes
     ----------

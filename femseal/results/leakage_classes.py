@@ -27,7 +27,7 @@ _ODD_LENGTH_RATIO = 1.5
 
 @dataclass(frozen=True, eq=False)
 class DecidingLeakage:
-    """Hold the leakage that is compared with leakage classes: that of the test fluid, or else the service fluid.
+    """Leakage that is compared with leakage classes: that of the test fluid, or else the service fluid.
 
     Attributes
     ----------

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class ForceScale(NamedTuple):
-    """Hold the unit of the forces in a case, and the force in this unit for a nominal pressure of 1 Pa."""
+    """Unit of the forces in a case, and the force in this unit for a nominal pressure of 1 Pa."""
 
     unit: str
     per_pascal: float

@@ -103,7 +103,7 @@ class Narrowing:
 
 @dataclass(frozen=True)
 class Lowering:
-    """Hold the factors by which a higher load and a smoother finish would multiply the leakage; NaN if unknown.
+    """Factors by which a higher load and a smoother finish would multiply the leakage; NaN if unknown.
 
     Attributes
     ----------

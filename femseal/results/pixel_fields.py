@@ -40,7 +40,7 @@ _BYTES_PER_VALUE = np.dtype(np.float32).itemsize
 
 
 class _PixelField(NamedTuple):
-    """Hold a pixel field at a step: its declaration, values (x1, x2) in SI units, and pixel size [m]."""
+    """A pixel field at a step: its declaration, values (x1, x2) in SI units, and pixel size [m]."""
 
     declaration: Field
     values: Any

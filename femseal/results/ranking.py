@@ -12,7 +12,7 @@ from ..base import Array
 
 
 class RankRange(NamedTuple):
-    """Hold the best and the worst rank that a run can have within its 95 % interval; a run with rank 1 leaks least."""
+    """Best and worst rank that a run can have within its 95 % interval; a run with rank 1 leaks least."""
 
     best: int
     worst: int
@@ -23,7 +23,7 @@ class RankRange(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Hold the ranking of several runs by their leakage at a load.
+    """Ranking of several runs by their leakage at a load.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Hold the results of a run, and select, tabulate, plot and export them."""
+"""Store the results of a run, and select, tabulate, plot and export them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Results(Plotted):
-    """Hold the results of a run, from memory or from a results folder.
+    """Results of a run, from memory or from a results folder.
 
     Attributes
     ----------

@@ -46,7 +46,7 @@ Run = Results | AnyPath
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunComparison(Plotted):
-    """Hold a comparison of several runs, even if their loads, methods and seal lengths differ.
+    """A comparison of several runs, even if their loads, methods and seal lengths differ.
 
     Attributes
     ----------

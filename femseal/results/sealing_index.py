@@ -96,7 +96,7 @@ class PowerLaw:
 
 @dataclass(frozen=True)
 class IndexLimit:
-    """Hold the smallest sealing index that meets a leakage class.
+    """Smallest sealing index that meets a leakage class.
 
     Attributes
     ----------
@@ -128,7 +128,7 @@ class IndexLimit:
 
 @dataclass(frozen=True)
 class SealingIndex:
-    """Hold the exponent and the required values of the sealing index in a range of contact pressures.
+    """Exponent and required values of the sealing index in a range of contact pressures.
 
     Attributes
     ----------
@@ -394,7 +394,7 @@ def indices_of_limits(
 
 
 class _Seal:
-    """Hold leakage and permeability of the seal of a run at each load step, with their 95 % intervals.
+    """Leakage and permeability of the seal of a run at each load step, with their 95 % intervals.
 
     Attributes
     ----------

@@ -38,7 +38,7 @@ INTERVAL = "the whole 95 % interval"
 
 @dataclass(frozen=True)
 class NeededPressure:
-    """Hold the nominal pressure that is required to keep the leakage within a limit.
+    """Nominal pressure that is required to keep the leakage within a limit.
 
     On loading, the leakage is within the limit at the required pressure and at higher pressures. On unloading, the
     leakage stays within the limit down to the required pressure. A required pressure is inf if no load of the run is
@@ -123,7 +123,7 @@ class NeededPressure:
 
 @dataclass(frozen=True, eq=False)
 class LeakageCurve:
-    """Hold the leakage at every step of a load cycle with its 95 % interval, for the evaluation of leakage classes.
+    """Leakage at every step of a load cycle with its 95 % interval, for the evaluation of leakage classes.
 
     Attributes
     ----------
@@ -326,7 +326,7 @@ def crossings(pressure: Array, leakage: Array, limit: float) -> Array:
 
 @dataclass(frozen=True)
 class Verdict:
-    """Hold the verdict on a leakage class: whether a run meets the class, and which load it requires.
+    """Verdict on a leakage class: whether a run meets the class, and which load it requires.
 
     Attributes
     ----------

@@ -88,7 +88,7 @@ def image(spacing: Pair, origin: Pair, pixels: Iterable[tuple[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class Cells:
-    """Hold triangles or quadrilaterals in a plane, with data at all load steps.
+    """Triangles or quadrilaterals in a plane, with data at all load steps.
 
     Attributes
     ----------

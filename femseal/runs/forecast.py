@@ -51,7 +51,7 @@ _PICTURES_BYTES = 4.5e6
 
 @dataclass(frozen=True)
 class Forecast:
-    """Hold the expected time and memory of a run.
+    """Expected time and memory of a run.
 
     Parameters
     ----------
@@ -245,7 +245,7 @@ def forecast(
 
 
 class _Cost(NamedTuple):
-    """Hold the expected time on one core [s] and the expected memory [byte] of a study."""
+    """Expected time on one core [s] and expected memory [byte] of a study."""
 
     seconds: float
     memory: float
@@ -294,7 +294,7 @@ def refuse_too_large(case: Case, original: Prepared) -> None:
 
 @dataclass(frozen=True)
 class DiskSpace:
-    """Hold the expected sizes of the files of a run, before compression.
+    """Expected sizes of the files of a run, before compression.
 
     Parameters
     ----------

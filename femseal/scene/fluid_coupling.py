@@ -65,7 +65,7 @@ _MOST_OF_HARDNESS = 0.9
 
 @dataclass(frozen=True, kw_only=True)
 class CoupledContact(Contact):
-    """Hold the solution of a contact in equilibrium with the fluid pressure of the flow through its gap.
+    """Solution of a contact in equilibrium with the fluid pressure of the flow through its gap.
 
     Attributes
     ----------
@@ -424,7 +424,7 @@ class FluidPressure:
 
 @dataclass(frozen=True, eq=False)
 class _Round:
-    """Hold the solutions of contact and flow in one round of the iteration.
+    """Solutions of contact and flow in one round of the iteration.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ from ..contact import HalfSpace, modulus_of_waves
 
 @dataclass(frozen=True, eq=False)
 class TrappedLiquid:
-    """Hold the liquid in the closed pockets of a surface at one load.
+    """Liquid in the closed pockets of a surface at one load.
 
     Attributes
     ----------

@@ -31,7 +31,7 @@ _FEWEST_CELLS = 64
 
 @dataclass(frozen=True, eq=False)
 class ContactGrid:
-    """Hold a regular grid of cells over a seal.
+    """A regular grid of cells over a seal.
 
     Attributes
     ----------

@@ -142,7 +142,7 @@ class WavyForm:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredForm:
-    """Hold a form deviation: heights that were measured over a whole seal.
+    """A form deviation: heights that were measured over a whole seal.
 
     The method `from_points` creates a form from measured points, the method `from_map` from a map of heights. The
     least-squares plane is subtracted from the heights, because faces align with each other when they are clamped.

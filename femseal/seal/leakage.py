@@ -163,7 +163,7 @@ def _quantity(unit: str, long_name: str, **options: Any) -> Any:
 
 @dataclass(frozen=True, repr=False)
 class Leakage(Shown):
-    """Hold the leakage of a seal; it is negative if the outlet pressure exceeds the inlet pressure.
+    """Leakage of a seal; it is negative if the outlet pressure exceeds the inlet pressure.
 
     Printing a `Leakage` shows each value with its unit.
     """

@@ -208,7 +208,7 @@ class AngleTable:
 
 @dataclass(frozen=True, eq=False)
 class PressureField:
-    """Hold a pressure field in the plane of the seal, such as the result of a flange calculation.
+    """A pressure field in the plane of the seal, such as the result of a flange calculation.
 
     Use the method `from_points` to create a pressure field. The pressure is interpolated linearly on triangles.
 
@@ -320,7 +320,7 @@ def _delaunay_without_gaps(points: Array) -> Indices:
 
 @dataclass(frozen=True, eq=False)
 class MapsAtLoads:
-    """Hold pressure maps for several nominal pressures, for example for a flange that bends with the load.
+    """Pressure maps for several nominal pressures, for example for a flange that bends with the load.
 
     Between two nominal pressures, the pressure distribution is interpolated linearly. Below the lowest and above the
     highest nominal pressure, the distribution is constant. The distribution depends only on the current nominal

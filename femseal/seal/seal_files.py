@@ -327,7 +327,7 @@ def read_pressure_field(
 
 
 class TextRow(NamedTuple):
-    """Hold a line of a text file: its number in the file, its text, and the text in each column."""
+    """A line of a text file: its number in the file, its text, and the text in each column."""
 
     number: int
     line: str
@@ -410,7 +410,7 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
 
 
 class _FieldOnTriangles(NamedTuple):
-    """Hold a field on triangles: points (n, 2), values at the points (n,), and corners of the triangles (t, 3)."""
+    """A field on triangles: points (n, 2), values at the points (n,), and corners of the triangles (t, 3)."""
 
     points: Any
     values: Any

@@ -37,7 +37,7 @@ _SAME = 1e-6
 
 @dataclass(frozen=True)
 class CellSize:
-    """Hold the size of the cells of a surface, and the required size of the seal.
+    """Size of the cells of a surface, and the required size of the seal.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class CellSize:
 
 @dataclass(frozen=True, eq=False)
 class SealTiles:
-    """Hold a seal that is covered with tiles. In a realisation, each tile takes a random cell of a surface.
+    """A seal that is covered with tiles. In a realisation, each tile takes a random cell of a surface.
 
     Attributes
     ----------
@@ -405,7 +405,7 @@ def _check_innermost_tiles(inner: float, columns: int, side: float) -> tuple[str
 
 
 class _RingGeometry(NamedTuple):
-    """Hold the elements of a ring, in the coordinates of its mesh and in the plane of the seal.
+    """Elements of a ring, in the coordinates of its mesh and in the plane of the seal.
 
     rectangles : rectangular elements in the mesh coordinates (|ln r/r₀|, θ), where r₀ is the radius of the inlet.
     outlines : corners of the elements in the plane of the seal (n, 4, 2) [m].

@@ -42,7 +42,7 @@ Item = tuple[Any, ...]
 
 
 class _Record(NamedTuple):
-    """Hold where a record is stored: the file, the position of the first byte, and the size [byte]."""
+    """Where a record is stored: the file, the position of the first byte, and the size [byte]."""
 
     path: Path
     start: int
@@ -50,7 +50,7 @@ class _Record(NamedTuple):
 
 
 class _Pending(NamedTuple):
-    """Hold an item whose result has not been yielded yet.
+    """An item whose result has not been yielded yet.
 
     key : key of the result. item : the item if its result is in the store; None if the mapper computes the result of
     the item.

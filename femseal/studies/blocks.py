@@ -61,7 +61,7 @@ _MOST_POINTS_OF_SIDE = 1024
 
 @dataclass(frozen=True, repr=False)
 class BlocksResult(Shown):
-    """Hold the leakage of a surface that was solved block by block, and the permeabilities of its cells.
+    """Leakage of a surface that was solved block by block, and the permeabilities of its cells.
 
     The fields `k1`, `k2`, `pressure` and `mean_gap` of the cells are arrays (steps, rows, columns), with the cells in
     their order on the surface.
@@ -338,7 +338,7 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
 
 @dataclass(frozen=True, eq=False)
 class _SolvedBlock:
-    """Hold the permeabilities and the contact states of a solved block.
+    """Permeabilities and contact states of a solved block.
 
     Parameters
     ----------

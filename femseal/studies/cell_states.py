@@ -54,7 +54,7 @@ _SAME = 1e-3
 
 @dataclass(frozen=True, repr=False)
 class PatchLeakage(Shown):
-    """Hold the leakage of each measured patch, and the leakage with each patch left out in turn.
+    """Leakage of each measured patch, and the leakage with each patch left out in turn.
 
     The leakage is NaN where the flow solver failed.
 
@@ -164,7 +164,7 @@ def permeabilities_of_patches(
 
 @dataclass(frozen=True, eq=False)
 class FaceCells:
-    """Hold the fields of the cells of a surface at every step of a load programme; NaN where a flow solver failed.
+    """Fields of the cells of a surface at every step of a load programme; NaN where a flow solver failed.
 
     Parameters
     ----------

@@ -32,7 +32,7 @@ REALISATION_RTOL = 3e-4
 
 @dataclass(frozen=True, eq=False)
 class CellSupply:
-    """Hold the permeabilities of all cells at the pressures of the tiles of a seal.
+    """Permeabilities of all cells at the pressures of the tiles of a seal.
 
     In each realisation, every tile of the seal takes the permeability of a random cell. A pressure path is the sequence
     of the nominal pressures of a tile at all load steps. Tiles with equal nominal pressures share a pressure path.

@@ -32,7 +32,7 @@ LayerLaw = Callable[[Array], tuple[Array, Array]]
 
 
 class PointSolution(NamedTuple):
-    """Hold pressures and separations of all points under a given mean pressure.
+    """Pressures and separations of all points under a given mean pressure.
 
     Attributes
     ----------

@@ -37,7 +37,7 @@ _SOLUTION_BYTES, _KEPT_BYTES = 130.0, 130.0
 
 @dataclass(frozen=True, eq=False)
 class FaceState:
-    """Hold the contact of the whole surface at one load step, and the flow through its gap.
+    """Contact of the whole surface at one load step, and the flow through its gap.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
 
 @dataclass(frozen=True, repr=False)
 class FaceResult(Shown):
-    """Hold contact and flow of a whole surface at every load step, on all pixels and for all cells.
+    """Contact and flow of a whole surface at every load step, on all pixels and for all cells.
 
     Parameters
     ----------

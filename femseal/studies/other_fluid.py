@@ -13,7 +13,7 @@ from ..scene import FluidState, Scene
 
 @dataclass(frozen=True, eq=False)
 class OtherLeakage:
-    """Hold the leakage of a second fluid through the seals of a study, as a volume rate at its reference density.
+    """Leakage of a second fluid through the seals of a study, as a volume rate at its reference density.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def drop_ratio(state: FluidState, scene: Scene) -> float | None:
 
 @dataclass(frozen=True)
 class LimitFactors:
-    """Hold the ratios of the leakage of the service fluid to the leakage of a test gas, in the two limits of gas flow.
+    """Ratios of the leakage of the service fluid to the leakage of a test gas, in the two limits of gas flow.
 
     Parameters
     ----------

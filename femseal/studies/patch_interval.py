@@ -205,7 +205,7 @@ DIFFICULTY = {
 
 @dataclass(frozen=True)
 class IntervalWidths:
-    """Hold the calibrated widths of the 95 % intervals of one kind of computation.
+    """Calibrated widths of the 95 % intervals of one kind of computation.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ _OPEN_PERMEABILITY = 1e-18 / 12
 
 @dataclass(frozen=True, eq=False)
 class PatchState:
-    """Hold the quantities that determine the width of the 95 % interval of a patch, at every load step.
+    """Quantities that determine the width of the 95 % interval of a patch, at every load step.
 
     At a load step on loading, all quantities describe the contact state of this step. At a load step on unloading, all
     quantities except `open_leakage` describe the highest load before the unloading. The contact states on unloading

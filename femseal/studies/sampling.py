@@ -42,7 +42,7 @@ FLUID_PRESSURES = 9
 
 @dataclass(frozen=True)
 class Sampling:
-    """Hold the options of the stochastic study: size of the seal, realisations, and contact pressure over the seal.
+    """Options of the stochastic study: size of the seal, realisations, and contact pressure over the seal.
 
     Parameters
     ----------
@@ -277,7 +277,7 @@ def describe_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> str:
 
 @dataclass(frozen=True, eq=False)
 class TileFluid:
-    """Hold the fluid pressures at which the permeabilities of cells are needed.
+    """Fluid pressures at which the permeabilities of cells are needed.
 
     Parameters
     ----------

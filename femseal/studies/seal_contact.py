@@ -52,7 +52,7 @@ _SAME_DEPTH = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class SealContact:
-    """Hold pressure and separation over a seal with a form deviation, at every load step.
+    """Pressure and separation over a seal with a form deviation, at every load step.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Hold the result of the stochastic study: leakage of all realisations, and fields of the median realisation."""
+"""Result of the stochastic study: leakage of all realisations, and fields of the median realisation."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from .patch_state import PatchState
 
 @dataclass(frozen=True, repr=False)
 class MedianSeal(Shown):
-    """Hold the fields, over the elements of the seal, of the realisation whose leakage is nearest to the median.
+    """Fields, over the elements of the seal, of the realisation whose leakage is nearest to the median.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ def find_median_realisation(leakage: Array) -> int | None:
 
 @dataclass(frozen=True, repr=False)
 class StochasticResult(Shown):
-    """Hold the leakage of all realisations of a seal, in which each tile takes a random cell of a surface.
+    """Leakage of all realisations of a seal, in which each tile takes a random cell of a surface.
 
     Parameters
     ----------

@@ -161,7 +161,7 @@ def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tupl
 
 @dataclass(frozen=True, eq=False)
 class _Realisation:
-    """Hold the leakage of a realisation at every load step (steps,) [m²/s]; NaN where the flow solver failed."""
+    """Leakage of a realisation at every load step (steps,) [m²/s]; NaN where the flow solver failed."""
 
     leakage: Array
     failures: list[str]

@@ -50,7 +50,7 @@ TOLERANCE_FRACTION = 0.1
 
 @dataclass(frozen=True)
 class StudyOptions:
-    """Hold the options of all studies. A study ignores the options of other studies.
+    """Options of all studies. A study ignores the options of other studies.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ _SHORTEST_PROFILE = 3
 
 
 class Columns(NamedTuple):
-    """Hold the indices of the columns with x, y and z in a table."""
+    """Indices of the columns with x, y and z in a table."""
 
     x: int
     y: int
@@ -43,7 +43,7 @@ _FIRST_COLUMNS = Columns(0, 1, 2)
 
 @dataclass(frozen=True, eq=False)
 class MapOfTable:
-    """Hold the heights that were read from a table of numbers.
+    """Heights that were read from a table of numbers.
 
     Parameters
     ----------

@@ -30,7 +30,7 @@ ORDERS = "0 (mean), 1 (tilt) or 2 (tilt and curvature)"
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """Hold the form of a map: a polynomial surface that was fitted to the heights.
+    """Form of a map: a polynomial surface that was fitted to the heights.
 
     Parameters
     ----------

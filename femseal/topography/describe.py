@@ -33,7 +33,7 @@ from .topography import Topography
 
 @dataclass(frozen=True)
 class SurfaceReport(Labelled):
-    """Hold the parameters of a map without its form.
+    """Parameters of a map without its form.
 
     A parameter that cannot be determined is NaN or None.
 
@@ -159,7 +159,7 @@ def describe_surface(
 
 
 class _CutOff(NamedTuple):
-    """Hold the cut-offs λs and λc of two filters that the standard applies together.
+    """Cut-offs λs and λc of two filters that the standard applies together.
 
     least_ra : smallest Ra [m] of the filtered profiles for which the standard recommends both filters.
     long, short : cut-offs λc and λs [m].
@@ -275,7 +275,7 @@ def developed_area(z: NDArray, spacing: Pair) -> float:
 
 
 class _ProfileParameters(NamedTuple):
-    """Hold the roughness parameters of profiles: λc [m], Ra [m], Rq [m], Rz [m] and Rsk [-]."""
+    """Roughness parameters of profiles: λc [m], Ra [m], Rq [m], Rz [m] and Rsk [-]."""
 
     cut_off: float = nan
     ra: float = nan
@@ -329,7 +329,7 @@ def _gaussian_filter(
 
 
 class _Moments(NamedTuple):
-    """Hold the mean absolute height [m], the rms height [m] and the skewness [-] of heights relative to their mean."""
+    """Mean absolute height [m], rms height [m] and the skewness [-] of heights relative to their mean."""
 
     mean: float
     rms: float

@@ -54,7 +54,7 @@ def read_instrument(path: Path, options: Reading, other_suffixes: Sequence[str] 
 
 
 class _OpenFile(NamedTuple):
-    """Hold a file that SurfaceTopography has opened.
+    """A file that SurfaceTopography has opened.
 
     content : modified copy of the file in memory, which must exist until the heights have been read; None if the file
     was not modified.

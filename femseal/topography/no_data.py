@@ -46,7 +46,7 @@ _MOST = 4
 
 @dataclass(frozen=True, eq=False)
 class Defined:
-    """Hold the heights of a file in which undefined points are NaN.
+    """Heights of a file in which undefined points are NaN.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Hold several measured patches of one surface, side by side along x2.
+"""Several measured patches of one surface, side by side along x2.
 
 Contact is solved in each patch separately, and the flow is solved through all patches together. Waves, slopes, form and
 all other properties that depend on neighbouring points are computed within each patch, because the heights of two
@@ -35,7 +35,7 @@ _PARTS = 8
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Patches(Plotted):
-    """Hold several measured patches of one surface.
+    """Several measured patches of one surface.
 
     The methods act on each patch separately. Other operations of `Topography` can be applied to the elements of
     `patches`.

@@ -21,7 +21,7 @@ _SECTIONS = 5
 
 @dataclass(frozen=True)
 class ProfileRoughness:
-    """Hold the roughness of profiles along x1.
+    """Roughness of profiles along x1.
 
     Attributes
     ----------

@@ -15,7 +15,7 @@ NO_VALUE = "none"
 
 @dataclass(frozen=True, eq=False)
 class Raw:
-    """Hold the content of a file of heights.
+    """Content of a file of heights.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ class Raw:
 
 @dataclass(frozen=True)
 class Reading:
-    """Hold the options for reading a file of heights; see `read_topography`."""
+    """Options for reading a file of heights; see `read_topography`."""
 
     size: Lengths | None = None
     spacing: Lengths | None = None

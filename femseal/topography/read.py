@@ -51,7 +51,7 @@ _MASKED = (".gwy", ".npz")
 
 @dataclass(frozen=True)
 class Look:
-    """Hold a map for inspection, even if `read_topography` refuses it.
+    """A map for inspection, even if `read_topography` refuses it.
 
     Parameters
     ----------

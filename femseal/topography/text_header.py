@@ -50,7 +50,7 @@ _SHOWN_LINES, _SHOWN_CHARACTERS = 3, 50
 
 @dataclass
 class Header:
-    """Hold the content of the header of a text file. Values that are not in the header are None or empty.
+    """Content of the header of a text file. Values that are not in the header are None or empty.
 
     Parameters
     ----------

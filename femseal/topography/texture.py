@@ -108,7 +108,7 @@ NO_LAW = PowerLaw(nan, nan, nan, nan, nan, nan)
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Hold the shortest measured wave, the noise and the power law of a spectrum.
+    """Shortest measured wave, noise and power law of a spectrum.
 
     Parameters
     ----------
@@ -203,7 +203,7 @@ def _noise_floor(q: NDArray, density: NDArray, nyquist: float) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Bins:
-    """Hold a spectrum that was averaged in bins of equal width in log q.
+    """A spectrum that was averaged in bins of equal width in log q.
 
     Attributes
     ----------
@@ -366,7 +366,7 @@ ISOTROPIC = 0.5
 
 @dataclass(frozen=True)
 class Texture:
-    """Hold the texture parameters of a map.
+    """Texture parameters of a map.
 
     Parameters
     ----------
@@ -418,7 +418,7 @@ def texture(topography: Topography) -> Texture:
 
 
 class _DirectionalCorrelation(NamedTuple):
-    """Hold the autocorrelation of a map in the directions `_ANGLES`.
+    """Autocorrelation of a map in the directions `_ANGLES`.
 
     distance : distances from the middle at which it is evaluated, equally spaced from 0 on, (distance,) [m].
     border : distance from lag 0 to the largest lag of the autocorrelation in each direction, (angle,) [m].

@@ -178,7 +178,7 @@ def _mirrored_and_periodic_axes(periodic: Periodic) -> tuple[list[int], list[int
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Topography(Plotted):
-    """Hold heights on a regular grid.
+    """Heights on a regular grid.
 
     Along a periodic axis, the map repeats itself; along any other axis, the map continues as its mirror image. Spectral
     quantities, filters and interpolations assume that the map continues in this way. Most operations raise InputError
