@@ -131,7 +131,7 @@ def constraint_warnings(scene: Scene, leakage: Array, edge_distance: Array | Non
 
 
 def _soft_layer(scene: Scene) -> tuple[float, float]:
-    """Return the thickness of the coatings that yield [m], and the hardness of the softer body beside them [Pa].
+    """Return the total thickness [m] of the coatings that yield, and the hardness [Pa] of the softer adjacent body.
 
     A coating yields if its hardness does not exceed the yield pressure of the contact law. The thickness is 0 if no
     coating yields.

@@ -221,7 +221,7 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
 
 
 def _coating(plating: Plating, hardness_is_typical: bool) -> dict[str, Any]:
-    """Return the table of a plating.
+    """Return the table `coating` of a case for a plated face.
 
     The table contains the name of the metal only if the hardness is typical of this metal. Platings are often much
     harder, and a case warns of a hardness that is not typical of the named metal.

@@ -235,7 +235,7 @@ class Scene:
 
         Each item contains the index of a load step and an explanation. At the load steps listed here, the tiles of a
         stochastic seal are open. At the same load steps, a seal computed from the contact of the whole surface may be
-        closed, because the fluid does not enter the contact (see `scene.fluid_coupling`).
+        closed, because the contact is solved without the fluid pressure (see `scene.fluid_coupling`).
         """
         fluid = self.acting_fluid
         if fluid is None:

@@ -62,7 +62,8 @@ class PatchLeakage(Shown):
     ----------
     selections : array (patches, steps) or (2 × patches, steps), m²/s
         Leakage of subsets of the patches. The first rows are for single patches, each continued periodically. If there
-        are at least three patches, the second half of the rows is for all patches but one, placed side by side.
+        are at least three patches, the second half of the rows contains the leave-one-out results, for which all
+        patches except one are placed side by side.
     """
 
     selections: Array = field(metadata={"unit": "m^2/s"})

@@ -752,7 +752,7 @@ def report(rows):
         ]  # fmt: skip
     if larger:
         text += ["## More waves\n\nThe comparison in the first table was repeated on a larger surface of 64² "
-                 "points, which is eight of the shortest waves long instead of four.", comparison({
+                 "points, whose side is eight times the shortest wavelength instead of four times.", comparison({
             f"H/(E* h′) = {v:g}": [r for r in larger if float(r["severity"]) == v]
             for v in sorted({float(r["severity"]) for r in larger})}, "dimensionless hardness")]  # fmt: skip
     return "\n\n".join(text)
