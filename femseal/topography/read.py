@@ -84,7 +84,7 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
     determines the format:
 
     - .npy and .npz: heights in metres. The pixel size comes from an array `spacing` in the .npz file or from the
-    caller.
+      caller.
     - .csv .asc .txt .xyz .tsv .prn .dat: texts with a matrix of heights, or coordinates x y z on a regular grid, in
       metres unless the header states another unit.
     - .x3p and .sdf.
