@@ -147,7 +147,9 @@ def solve_seal_contact(
     if highest >= yield_pressure:
         capacity = to_text(yield_pressure, "Pa", 3)
         expected = f"less than {HIGHEST_PRESSURE:.0%} of what the faces carry, {capacity}: the bodies yield there"
-        raise InputError("load", f"{to_text(highest, 'Pa', 3)} on a seal with a form deviation", expected)
+        raise InputError(
+            "load", f"{to_text(highest, 'Pa', 3)} on a seal with a form deviation", expected
+        )
     # index of the row of each point; a mesh has no rows, so that all points of a mesh count as one row
     rows = np.arange(len(depth))[:, None] if grid.has_rows else np.zeros((1, 1), int)
     row = np.broadcast_to(rows, depth.shape)[inside]
