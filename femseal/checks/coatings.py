@@ -107,12 +107,17 @@ def constraint_warnings(scene: Scene, leakage: Array, edge_distance: Array | Non
     leakage : array (steps,)
         Leakage in any unit, NaN where it is unknown.
     edge_distance : array (steps,) or None
-        Mean distance [m] between the yielding points and the edge of their contact patch, NaN where it is unknown.
+        Mean distance [m] between the yielding points and the edge of their contact patch; NaN where it is unknown, and
+        inf where the whole surface is in contact. Only load steps on loading are judged.
     """
     thickness, hardness_of_neighbour = _soft_layer(scene)
-    if thickness == 0 or edge_distance is None or not np.isfinite(edge_distance).any():
+    if thickness == 0 or edge_distance is None:
         return
-    step = int(np.nanargmax(edge_distance))
+    # the equivalent load holds on loading; a surface that is closed everywhere has no edge, and its distance is inf
+    is_judged = scene.steps.on_loading & np.isfinite(edge_distance)
+    if not is_judged.any():
+        return
+    step = int(np.argmax(np.where(is_judged, edge_distance, -inf)))
     distance = float(edge_distance[step])
     hardness = float(np.min(scene.law.yield_pressure()))
     # a pressure above the hardness of a neighbouring body would squeeze this body instead of the coating
@@ -161,7 +166,8 @@ def _hardness(solid: Solid | None) -> float:
 
 def _leakage_text(scene: Scene, leakage: Array, step: int, rise: float) -> str:
     """Describe how the leakage grows when the load is divided by `rise`, interpolated between loading steps."""
-    leaks = scene.steps.on_loading & (np.abs(leakage) > 0)
+    is_loaded = scene.steps.on_loading & (scene.steps.pressures > 0)
+    leaks = is_loaded & (np.abs(leakage) > 0) & np.isfinite(leakage)
     if not leaks[step] or leaks.sum() < 2:
         return ""
     log_loads = np.log(scene.steps.pressures[leaks])

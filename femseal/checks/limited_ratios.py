@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..base import Array, Flags, counted
+from ..face.cells import correction_factors
 from ..loads import LoadProgramme, least_counted
 
 #: Relative difference from its limit at which a ratio counts as limited.
@@ -62,7 +63,9 @@ def limited_factor_warnings(
     largest : float
         Largest correction factor; the smallest one is 1/`largest`.
     """
-    is_limited = _is_limited(_ratio(surface_leakage, cells_leakage), largest)
+    is_limited = _is_limited(
+        correction_factors(surface_leakage, cells_leakage, states, largest), largest
+    )
     if states != steps:
         loading = np.flatnonzero(states.on_loading)
         distance = np.abs(steps.pressures[:, None] - states.pressures[loading])

@@ -381,7 +381,9 @@ def _result_warnings(
 def _edge_distance(supply: CellSupply) -> Array:
     """Interpolate the mean edge distance [m] at the load steps on loading; NaN at load steps on unloading."""
     cells, steps = supply.cells, supply.scene.steps
-    is_known = cells.steps.on_loading
+    is_known = cells.steps.on_loading & np.isfinite(cells.edge_distance)
+    if not is_known.any():
+        return np.full(len(steps), np.nan)
     interpolated = np.interp(
         steps.pressures, cells.steps.pressures[is_known], cells.edge_distance[is_known]
     )

@@ -9,6 +9,7 @@ from small_cases import OIL
 
 import femseal as fs
 from femseal.checks import constrained_hardness_ratio
+from femseal.checks.coatings import constraint_warnings
 
 STEEL = fs.Solid(200e9, 0.3, hardness=2e9)
 SOFT = fs.Solid(50e9, 0.37, hardness=0.2e9)
@@ -74,3 +75,21 @@ def test_a_seal_with_random_cells_warns_as_its_surface_does():
     scene = scene_of(WIDTH / 12)
     warnings = fs.stochastic(scene, (1, 2), fs.Sampling(64e-6, 2, seed=1)).warnings
     assert sum("hinder" in text for text in warnings) == 1
+
+
+def test_a_load_of_zero_does_not_spoil_the_study():
+    """The surfaces leak without a load, but ln(0) is no load to interpolate from."""
+    scene = scene_of(WIDTH / 12)
+    unloaded = replace(scene, loading=(0.0, *scene.loading))
+    (text,) = texts(unloaded)
+    assert text == texts(scene)[0]
+
+
+def test_a_closed_surface_has_no_edge_to_which_its_coating_could_flow():
+    """The load step at which all points touch is not judged; the step before it is."""
+    scene = scene_of(WIDTH / 12)
+    leakage = np.array([1.0, 0.1])
+    (text,) = constraint_warnings(scene, leakage, np.array([WIDTH / 4, np.inf]))
+    assert "at loading 40 MPa" in text
+    assert "inf" not in text
+    assert not [*constraint_warnings(scene, leakage, np.array([np.inf, np.inf]))]

@@ -52,6 +52,14 @@ def test_a_limited_correction_factor_is_warned_of(factor):
     assert [*limited_factor_warnings(*given)] == [text]
 
 
+def test_a_load_that_takes_a_limited_factor_from_its_neighbour_is_warned_of():
+    """At the highest load the surface is closed but its cells leak: its factor is that of the load below it."""
+    steps = LoadProgramme.of([1e7, 3e7, 1e8, 2e8])
+    surface, cells = np.array([1.0, 0.5, 0.1, 0.0]), np.array([1.0, 0.5, 0.002, 0.01])
+    (text,) = limited_factor_warnings(steps, cells, steps, surface, cells, 3.0)
+    assert "only a limit at loading 100 MPa and 1 more load:" in text
+
+
 @pytest.mark.parametrize("breadth", [{}, {"breadth": "60 um"}], ids=["in order", "at random"])
 def test_a_study_warns_of_its_limit(monkeypatch, breadth):
     """With a limit close to 1, every ratio of this strip is limited."""
