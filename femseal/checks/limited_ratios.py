@@ -46,6 +46,7 @@ def limited_factor_warnings(
     surface_leakage: Array,
     cells_leakage: Array,
     largest: float,
+    relief: float = 0.0,
 ) -> Iterator[str]:
     """Warn about seals with cells at random whose correction factor is limited.
 
@@ -62,13 +63,16 @@ def limited_factor_warnings(
         Leakage of the surface, and of its grid of cells [m²/s].
     largest : float
         Largest correction factor; the smallest one is 1/`largest`.
+    relief : float
+        Pressure [Pa] by which the mean fluid pressure reduces the contact pressure at the tabulated pressures.
     """
     is_limited = _is_limited(
         correction_factors(surface_leakage, cells_leakage, states, largest), largest
     )
     if states != steps:
         loading = np.flatnonzero(states.on_loading)
-        distance = np.abs(steps.pressures[:, None] - states.pressures[loading])
+        contact_pressures = np.maximum(steps.pressures - relief, 0.0)
+        distance = np.abs(contact_pressures[:, None] - states.pressures[loading])
         nearest = loading[distance.argmin(axis=1)]  # (steps,)
         is_limited = is_limited[nearest] & steps.on_loading
     reason = (

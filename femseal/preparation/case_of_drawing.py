@@ -154,7 +154,8 @@ def case_of_drawing(drawing: Drawing) -> str:
 def _scale_to_drawing(drawing: Drawing, case: Case) -> float:
     """Return the factor by which the heights must be multiplied to obtain the Ra or Rz of the drawing."""
     surface = condition_surface(case).surface.shortest_patch
-    roughness = profile_roughness(surface, spacing_of_periodic_marks(case.face[0]))
+    spacing = spacing_of_periodic_marks(case.face[0])
+    roughness = profile_roughness(surface, spacing, ra=drawing.ra, rz=drawing.rz)
     if drawing.ra is not None:
         return drawing.ra / roughness.ra
     assert drawing.rz is not None
@@ -299,7 +300,7 @@ def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str
     area = drawing.breadth * drawing.length
     pressure = drawing.force / area
     pressure_text = to_text(pressure, "Pa", 3)
-    fraction = f"{100 * pressure / drawing.surface_hardness:.2g} %"
+    fraction = f"{100 * pressure / drawing.smallest_hardness:.2g} %"
     vickers = _vickers_text(drawing.hardness)
     scaled = "scaled so that the surface has the roughness of the drawing"
     compared = "as on the drawing; `femseal check` compares the surface with it"
@@ -315,7 +316,8 @@ def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str
     coating_comment = ""
     if drawing.plating is not None:
         hardness_comment = f"{assumed('hardness')}{vickers}, below the plating"
-        force_comment += " of the plating"
+        if drawing.yields_in_plating:
+            force_comment += " of the plating"
         plating_vickers = _vickers_text(drawing.plating.hardness)
         metal = drawing.plating.metal.partition(",")[0]
         coating_comment = f"{metal}, {assumed('plating_hardness')}{plating_vickers}"

@@ -60,7 +60,8 @@ def _roughness(case: Case, surface: Surface) -> ProfileRoughness | None:
     (face,) = case.face
     if not isinstance(face, GeneratedFace):
         return None
-    return profile_roughness(surface, spacing_of_periodic_marks(face))
+    spacing = spacing_of_periodic_marks(face)
+    return profile_roughness(surface, spacing, ra=face.ra, rz=face.rz)
 
 
 def spacing_of_periodic_marks(face: Face) -> float | None:

@@ -113,9 +113,14 @@ class Drawing:
     assumed: frozenset[str]
 
     @property
-    def surface_hardness(self) -> float:
-        """Hardness at the surface of the softer face, or of its plating if it has one [Pa]."""
-        return self.hardness if self.plating is None else self.plating.hardness
+    def smallest_hardness(self) -> float:
+        """Smallest hardness of the softer face and its plating [Pa]. The nominal pressure must stay below this value."""
+        return self.hardness if self.plating is None else min(self.hardness, self.plating.hardness)
+
+    @property
+    def yields_in_plating(self) -> bool:
+        """Whether the face has a plating that is softer than the metal below."""
+        return self.plating is not None and self.plating.hardness < self.hardness
 
     @property
     def breadth(self) -> float:
@@ -211,17 +216,18 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
     metal = _metal_name("--metal", texts["metal"])
     hardness = _hardness("hardness", texts, metal)
     plating = _plating(texts)
-    surface_hardness = hardness if plating is None else plating.hardness
+    smallest_hardness, whose = hardness, ""
+    if plating is not None and plating.hardness < hardness:
+        smallest_hardness, whose = plating.hardness, " of the plating"
     area = pi / 4 * (outer**2 - inner**2)
     if "force" in texts:
         force = _positive("force", texts["force"], "N")
     else:
-        usual_force = _USUAL_PRESSURE * surface_hardness * area
+        usual_force = _USUAL_PRESSURE * smallest_hardness * area
         force = float(f"{usual_force:.2g}")  # rounded to two digits
-    if force >= surface_hardness * area:
+    if force >= smallest_hardness * area:
         given = f"{texts['force']}, which is {to_text(force / area, 'Pa', 3)} of nominal pressure"
-        whose = "" if plating is None else " of the plating"
-        expected = f"less than the hardness{whose}, {to_text(surface_hardness, 'Pa', 3)}"
+        expected = f"less than the hardness{whose}, {to_text(smallest_hardness, 'Pa', 3)}"
         raise InputError("--force", given, expected)
     return Drawing(
         ra=lengths.get("ra"),

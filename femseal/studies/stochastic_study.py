@@ -23,7 +23,7 @@ from ..face.cells import MOST_FACTOR, MOST_RATIO, Cut
 from ..scene import Scene
 from ..seal.tiles import SealTiles
 from .cell_states import PatchLeakage
-from .cell_supply import CellSupply, supply_cells
+from .cell_supply import CellSupply, mean_relief, supply_cells
 from .face_study import fields_of_rows
 from .patch_interval import interval_widths
 from .patch_state import PatchState, open_leakage_per_permeability
@@ -374,6 +374,7 @@ def _result_warnings(
             cells.surface_leakage,
             cells.cells_leakage,
             MOST_FACTOR,
+            relief=mean_relief(scene),
         )
     return (*warnings, *limits)
 
@@ -384,8 +385,11 @@ def _edge_distance(supply: CellSupply) -> Array:
     is_known = cells.steps.on_loading & np.isfinite(cells.edge_distance)
     if not is_known.any():
         return np.full(len(steps), np.nan)
+    contact_pressures = steps.pressures
+    if cells.steps != steps:  # the contact states have tabulated pressures, without the relief by the fluid
+        contact_pressures = np.maximum(steps.pressures - mean_relief(supply.scene), 0.0)
     interpolated = np.interp(
-        steps.pressures, cells.steps.pressures[is_known], cells.edge_distance[is_known]
+        contact_pressures, cells.steps.pressures[is_known], cells.edge_distance[is_known]
     )
     return np.where(steps.on_loading, interpolated, np.nan)
 

@@ -15,6 +15,8 @@ from .topography import Topography
 
 #: Largest mean spacing RSm [m] for each long-wave filter λc [m], see ISO 4288 and ISO 21920-3.
 _FILTERS = ((4e-5, 8e-5), (1.3e-4, 2.5e-4), (4e-4, 8e-4), (1.3e-3, 2.5e-3), (4e-3, 8e-3))
+#: Ratio of the limits of Rz and Ra at which ISO 4288 changes the filter.
+_RZ_OVER_RA = 5.0
 #: Largest number of sections of the length λc over which Rz is averaged.
 _SECTIONS = 5
 
@@ -39,7 +41,13 @@ class ProfileRoughness:
     cut_off: float
 
 
-def profile_roughness(surface: Topography, spacing: float | None = None) -> ProfileRoughness:
+def profile_roughness(
+    surface: Topography,
+    spacing: float | None = None,
+    *,
+    ra: float | None = None,
+    rz: float | None = None,
+) -> ProfileRoughness:
     """Compute Ra and Rz of the profiles along x1.
 
     Parameters
@@ -49,6 +57,9 @@ def profile_roughness(surface: Topography, spacing: float | None = None) -> Prof
     spacing : float, optional
         Mean spacing RSm of the profile elements of a periodic profile [m], from which the long-wave filter is chosen.
         If `spacing` is None, the profile is irregular, and the filter is chosen from Ra.
+    ra, rz : float, optional
+        Ra or Rz that a drawing states [m]. For an irregular profile, the filter is then chosen from the stated value
+        instead of the computed Ra, so that a surface near the limit between two filters is judged with one of them.
 
     Returns
     -------
@@ -66,10 +77,13 @@ def profile_roughness(surface: Topography, spacing: float | None = None) -> Prof
     """
     if spacing is not None:
         return _filtered_roughness(surface, long_wave_filter(spacing))
+    stated_ra = ra
+    if ra is None and rz is not None:
+        stated_ra = rz / _RZ_OVER_RA
     # from the longest cut-off to the shortest, until Ra is large enough for the filter
     for filters in _SERIES:
         roughness = _filtered_roughness(surface, filters.long)
-        if roughness.ra > filters.least_ra:
+        if (roughness.ra if stated_ra is None else stated_ra) > filters.least_ra:
             break
     return roughness
 

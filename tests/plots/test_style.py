@@ -290,7 +290,7 @@ def test_formats_and_pictures_that_are_unknown_are_refused(results, tmp_path):
             results.plot.write(tmp_path / "none", **options)
         assert caught.value.what == what
     assert not (tmp_path / "none").exists()
-    with pytest.raises(InputError, match="the results have none"):
+    with pytest.raises(InputError, match="the results have no folder either"):
         results.plot.write()
 
 

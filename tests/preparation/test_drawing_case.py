@@ -126,13 +126,18 @@ def test_a_ground_surface_has_the_ra_of_the_drawing_as_a_tester_measures_it():
             "outer_diameter": "60mm",
             "lay": "spiral",
         },
+        # near the limits between two filters: Ra 0.1 µm, and Rz 0.5 µm
+        {"ra": "0.09um", "process": "ground", "pitch": "60um"},
+        {"ra": "0.1um", "process": "blasted"},
+        {"rz": "0.5um", "process": "ground", "pitch": "60um"},
     ],
 )
 def test_the_surface_has_the_roughness_of_the_drawing(given):
     case = case_of(**given)
     surface = condition_surface(case).surface
     (face,) = case.face
-    found = profile_roughness(surface, spacing_of_periodic_marks(face))
+    stated = {"ra": face.ra, "rz": face.rz}
+    found = profile_roughness(surface, spacing_of_periodic_marks(face), **stated)
     key = "ra" if "ra" in given else "rz"
     assert getattr(found, key) == pytest.approx(getattr(face, key), rel=0.01)
     assert not list(drawing_warnings(case, surface))
@@ -284,3 +289,11 @@ def test_options_of_a_drawing_need_it(tmp_path, femseal):
     code, printed, _ = femseal("check", path)
     assert code == 0
     assert "Ra 1.6 µm" in printed
+
+
+def test_the_softer_one_of_a_plating_and_its_base_limits_the_force():
+    hard = {"plating": "silver, annealed", "plating_thickness": "20 um", "plating_hardness": "200 HV"}
+    case = case_of(**TURNED | {"metal": "copper, soft"} | hard)
+    prepare(case)  # the assumed force is below the hardness of the copper
+    with pytest.raises(InputError, match=r"less than the hardness, 476 MPa"):
+        case_of(**TURNED | {"metal": "copper, soft", "force": "400kN"} | hard)
