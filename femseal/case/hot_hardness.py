@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
+from math import inf
 from typing import Any
 
 from ..base import InputError, to_text
-from ..materials import named_solid
+from ..materials import HARDNESS_FACTOR, named_solid
 from .quantity_types import unvalidated_value
 
 #: Temperature of the fluid above which the hardness at room temperature is doubtful [K], a choice of this package.
@@ -15,7 +17,7 @@ _HOT = 273.15 + 100
 #: Cases from drawings state it with three digits.
 _ROUNDING = 0.01
 #: Keys with which a case states a strength of its own, except `hardness`.
-_STRENGTHS = ("yield_stress", "hardness_table", "hardness_over_yield")
+_STRENGTHS = ("yield_stress", "hardness_table")
 
 
 def hot_hardness_warnings(data: dict[str, Any]) -> Iterator[str]:
@@ -26,14 +28,34 @@ def hot_hardness_warnings(data: dict[str, Any]) -> Iterator[str]:
     temperature = unvalidated_value(data.get("fluid", {}), "temperature", "K", 0.0)
     if temperature <= _HOT:
         return
+    solids = {}
     for table_key in ("material", "counter_material"):
         solid = data.get(table_key, {})
-        if not isinstance(solid, dict):
-            continue
+        if isinstance(solid, dict):
+            solids[table_key] = solid
+    softest = min(map(_stated_hardness, solids.values()), default=inf)
+    for table_key, solid in solids.items():
+        if _stated_hardness(solid) > softest:
+            continue  # only the softer body yields
         yield from _warn(solid, table_key, temperature)
         coating = solid.get("coating")
         if isinstance(coating, dict):
             yield from _warn(coating, f"{table_key}.coating", temperature)
+
+
+def _stated_hardness(solid: dict[str, Any]) -> float:
+    """Return the hardness of a solid or of its softer coating [Pa], from its keys or its name; inf if it is unknown."""
+    hardness = inf
+    if "name" in solid:
+        with suppress(InputError):
+            hardness = named_solid(solid["name"]).hardness or inf
+    if "yield_stress" in solid:
+        hardness = HARDNESS_FACTOR * unvalidated_value(solid, "yield_stress", "Pa", inf)
+    hardness = unvalidated_value(solid, "hardness", "Pa", hardness)
+    coating = solid.get("coating")
+    if isinstance(coating, dict):
+        hardness = min(hardness, _stated_hardness(coating))
+    return hardness
 
 
 def _warn(solid: dict[str, Any], table_key: str, temperature: float) -> Iterator[str]:

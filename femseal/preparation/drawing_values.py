@@ -114,7 +114,7 @@ class Drawing:
 
     @property
     def smallest_hardness(self) -> float:
-        """Smallest hardness of the softer face and its plating [Pa]. The nominal pressure must stay below this value."""
+        """Smallest hardness of the softer face and its plating [Pa], which the nominal pressure must not reach."""
         return self.hardness if self.plating is None else min(self.hardness, self.plating.hardness)
 
     @property

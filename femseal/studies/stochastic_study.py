@@ -386,7 +386,9 @@ def _edge_distance(supply: CellSupply) -> Array:
     if not is_known.any():
         return np.full(len(steps), np.nan)
     contact_pressures = steps.pressures
-    if cells.steps != steps:  # the contact states have tabulated pressures, without the relief by the fluid
+    if (
+        cells.steps != steps
+    ):  # the contact states have tabulated pressures, without the relief by the fluid
         contact_pressures = np.maximum(steps.pressures - mean_relief(supply.scene), 0.0)
     interpolated = np.interp(
         contact_pressures, cells.steps.pressures[is_known], cells.edge_distance[is_known]

@@ -6,6 +6,7 @@ from small_cases import HARDENED as CASE
 
 import femseal as fs
 from femseal.case import case_schema, parse_case
+from femseal.case.hot_hardness import hot_hardness_warnings
 from femseal.contact import HardnessTable, NixGao, PerfectlyPlastic
 from femseal.materials import METALS, named_solid
 from femseal.preparation import prepare
@@ -186,6 +187,23 @@ def test_a_hot_fluid_beside_the_hardness_of_a_metal_at_room_temperature_is_warne
     said = [text for text in hot.named_warnings if "is that at 20 °C" in text]
     assert len(said) == len(keys)
     assert all(f"Set {key}" in text for text, key in zip(said, keys, strict=True))
+
+
+def test_only_the_softer_body_is_warned_of_beside_a_hot_fluid():
+    """The hardness of the nickel alloy does not matter, as the hot copper yields first."""
+    alloy = {"name": "Inconel 718, aged"}
+
+    def warnings(material, counter):
+        data = {"fluid": {"temperature": "250 °C"}, "material": material}
+        return [*hot_hardness_warnings(data | {"counter_material": counter})]
+
+    for copper in ({"hardness": "0.3 GPa"}, {"yield_stress": "50 MPa"}):
+        assert not warnings(copper, alloy)
+        assert not warnings(alloy, copper)
+    (text,) = warnings({"name": "copper, soft"}, alloy)
+    assert "Set material.hardness" in text
+    (text,) = warnings({"name": "copper, soft", "hardness_over_yield": 3}, alloy)
+    assert "copper" in text
 
 
 @pytest.mark.parametrize(

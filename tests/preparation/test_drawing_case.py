@@ -292,7 +292,11 @@ def test_options_of_a_drawing_need_it(tmp_path, femseal):
 
 
 def test_the_softer_one_of_a_plating_and_its_base_limits_the_force():
-    hard = {"plating": "silver, annealed", "plating_thickness": "20 um", "plating_hardness": "200 HV"}
+    hard = {
+        "plating": "silver, annealed",
+        "plating_thickness": "20 um",
+        "plating_hardness": "200 HV",
+    }
     case = case_of(**TURNED | {"metal": "copper, soft"} | hard)
     prepare(case)  # the assumed force is below the hardness of the copper
     with pytest.raises(InputError, match=r"less than the hardness, 476 MPa"):
