@@ -116,10 +116,10 @@ class Continuation:
     def shortest_relevant_wave(self, hardness: float, modulus: float) -> float:
         """Return the wavelength [m] below which waves do not change the contact area; 0 if there is no such wavelength.
 
-        By Persson's theory, the mean pressure in the contact is E*h'/2, with the contact modulus E* and the rms slope
-        h' of the waves. The rms slope, and with it the mean pressure, increases when shorter waves are included. At a
-        certain wavelength, the mean pressure reaches the hardness; shorter waves are flattened plastically and do not
-        change the contact area.
+        The order of magnitude of the pressure in the contact is taken as E*h'/2, with the contact modulus E* and the
+        rms slope h' of the waves; this is the rms pressure of full contact. The rms slope, and with it this pressure,
+        increases when shorter waves are included. At a certain wavelength, this pressure reaches the hardness. Shorter
+        waves are assumed to be flattened plastically and not to change the contact area.
 
         Parameters
         ----------

@@ -84,7 +84,8 @@ def critical_area(sizes=SIZES):
     """Compute the closing areas by size, and extrapolate them to an infinite surface by a + b·waves^(−3/4).
 
     For the standard error, the mean over both axes of a surface is one sample. The standard error of a median
-    is 1.25 times that of a mean.
+    is 1.25 times that of a mean. The error of the extrapolated area follows from these standard errors alone. It does
+    not contain the deviations of the medians from the straight line, which may be larger.
     """
     waves, faces = np.array(sizes).T
     areas_by_size = [closing_areas(*size) for size in sizes]
