@@ -187,7 +187,7 @@ def test_a_documented_command_does_its_work(form, femseal, place, finished):
         command = next(word for word in arguments if not word.startswith("-"))
         outputs = {arguments[n + 1] for n, word in enumerate(arguments) if word == "-o"}
         if command == "new":
-            Path(arguments[1]).unlink()
+            Path(arguments[1]).unlink(missing_ok=True)
         for word in {word.split("=")[-1] for word in arguments} - outputs:
             if word.startswith("results/"):
                 shutil.copytree(finished, word)
