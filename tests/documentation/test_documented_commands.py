@@ -67,6 +67,8 @@ SMALL = {
     "examples/self_affine_seal.toml": "seal.toml",
     "examples/silver_ring.toml": "seal.toml",
     "examples/gasket_seal.toml": "gasket.toml",
+    "examples/leak_test.toml": "seal.toml",
+    "examples/leak_test.csv": "leak_test.csv",
 }
 
 
@@ -120,6 +122,7 @@ SLOW = {
     "run CASE -o DIR --scheduler local",
     "run examples/gasket_seal.toml -o results/gasket",
     "sweep seal.toml material.hardness=3GPa,4GPa face.pitch=40um,60um",
+    "calibrate examples/leak_test.toml examples/leak_test.csv -o results/calibrated",
     "calibrate seal.toml leak_test.csv -o results/calibrated",
 }
 
