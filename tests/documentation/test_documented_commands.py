@@ -122,7 +122,6 @@ SLOW = {
     "run CASE -o DIR --scheduler local",
     "run examples/gasket_seal.toml -o results/gasket",
     "sweep seal.toml material.hardness=3GPa,4GPa face.pitch=40um,60um",
-    "calibrate examples/leak_test.toml examples/leak_test.csv -o results/calibrated",
     "calibrate seal.toml leak_test.csv -o results/calibrated",
 }
 
