@@ -43,12 +43,17 @@ def hot_hardness_warnings(data: dict[str, Any]) -> Iterator[str]:
             yield from _warn(coating, f"{table_key}.coating", temperature)
 
 
+def _named_hardness(solid: dict[str, Any]) -> float:
+    """Return the hardness of the named metal of a solid [Pa]; inf if the name is missing or unknown."""
+    if "name" in solid:
+        with suppress(InputError):  # the completion of the case reports the unknown name
+            return named_solid(solid["name"]).hardness or inf
+    return inf
+
+
 def _stated_hardness(solid: dict[str, Any]) -> float:
     """Return the hardness of a solid or of its softer coating [Pa], from its keys or its name; inf if it is unknown."""
-    hardness = inf
-    if "name" in solid:
-        with suppress(InputError):
-            hardness = named_solid(solid["name"]).hardness or inf
+    hardness = _named_hardness(solid)
     if "yield_stress" in solid:
         hardness = HARDNESS_FACTOR * unvalidated_value(solid, "yield_stress", "Pa", inf)
     hardness = unvalidated_value(solid, "hardness", "Pa", hardness)
@@ -67,15 +72,11 @@ def _warn(solid: dict[str, Any], table_key: str, temperature: float) -> Iterator
     table_key : key of the table in the case.
     temperature : temperature of the fluid [K].
     """
-    if "name" not in solid or any(key in solid for key in _STRENGTHS):
+    named_hardness = _named_hardness(solid)
+    if named_hardness == inf or any(key in solid for key in _STRENGTHS):
         return
-    try:
-        metal = named_solid(solid["name"])
-    except InputError:
-        return  # the completion of the case reports the unknown name
-    assert metal.hardness is not None
-    hardness = unvalidated_value(solid, "hardness", "Pa", metal.hardness)
-    if abs(hardness / metal.hardness - 1) > _ROUNDING:
+    hardness = unvalidated_value(solid, "hardness", "Pa", named_hardness)
+    if abs(hardness / named_hardness - 1) > _ROUNDING:
         return
     celsius = f"{temperature - 273.15:.4g} °C"
     yield (

@@ -115,12 +115,12 @@ class Drawing:
     @property
     def smallest_hardness(self) -> float:
         """Smallest hardness of the softer face and its plating [Pa], which the nominal pressure must not reach."""
-        return self.hardness if self.plating is None else min(self.hardness, self.plating.hardness)
+        return _smallest_hardness(self.hardness, self.plating)
 
     @property
     def yields_in_plating(self) -> bool:
         """Whether the face has a plating that is softer than the metal below."""
-        return self.plating is not None and self.plating.hardness < self.hardness
+        return self.smallest_hardness < self.hardness
 
     @property
     def breadth(self) -> float:
@@ -208,17 +208,14 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
         expected = f"more than the inner diameter of {to_text(inner, 'm')}"
         raise InputError("--outer-diameter", texts["outer_diameter"], expected)
     breadth = (outer - inner) / 2
-    if (
-        lengths["pitch"] > breadth / 2
-    ):  # at least two marks must lie side by side on the contact area
+    # at least two marks must lie side by side on the contact area
+    if lengths["pitch"] > breadth / 2:
         expected = f"at most half the breadth of the contact area, {to_text(breadth / 2, 'm')}"
         raise InputError("--pitch", texts["pitch"], expected)
     metal = _metal_name("--metal", texts["metal"])
     hardness = _hardness("hardness", texts, metal)
     plating = _plating(texts)
-    smallest_hardness, whose = hardness, ""
-    if plating is not None and plating.hardness < hardness:
-        smallest_hardness, whose = plating.hardness, " of the plating"
+    smallest_hardness = _smallest_hardness(hardness, plating)
     area = pi / 4 * (outer**2 - inner**2)
     if "force" in texts:
         force = _positive("force", texts["force"], "N")
@@ -227,6 +224,7 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
         force = float(f"{usual_force:.2g}")  # rounded to two digits
     if force >= smallest_hardness * area:
         given = f"{texts['force']}, which is {to_text(force / area, 'Pa', 3)} of nominal pressure"
+        whose = " of the plating" if smallest_hardness < hardness else ""
         expected = f"less than the hardness{whose}, {to_text(smallest_hardness, 'Pa', 3)}"
         raise InputError("--force", given, expected)
     return Drawing(
@@ -247,6 +245,11 @@ def _drawing_of_texts(texts: dict[str, str], assumed: frozenset[str]) -> Drawing
         limit=texts.get("limit", ""),
         assumed=assumed,
     )
+
+
+def _smallest_hardness(hardness: float, plating: Plating | None) -> float:
+    """Return the smaller hardness [Pa] of a face and its plating, if it has one."""
+    return hardness if plating is None else min(hardness, plating.hardness)
 
 
 def _one_of(name: str, text: str, choices: tuple[str, ...]) -> str:

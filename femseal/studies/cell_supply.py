@@ -148,6 +148,11 @@ class CellSupply:
         values_on_paths = curves.k_on_paths(contact_pressures, self.scene.steps)  # (step, path)
         return values_on_paths @ weights
 
+    @property
+    def contact_pressures(self) -> Array:
+        """Nominal pressures of the load steps less the relief due to the mean fluid pressure [Pa]."""
+        return np.maximum(self.scene.steps.pressures - mean_relief(self.scene), 0.0)
+
     def patch_state(self, open_leakage: Array) -> PatchState:
         """Return the contact state of the patch at each load step, for the width of the 95 % interval.
 
@@ -156,9 +161,7 @@ class CellSupply:
 
         open_leakage : leakage of a uniform gap that is equal to the mean gap of the contact state (steps,) [m²/s].
         """
-        steps = self.scene.steps
-        contact_pressures = np.maximum(steps.pressures - mean_relief(self.scene), 0.0)
-        return PatchState.of(steps, self.cells, contact_pressures, open_leakage)
+        return PatchState.of(self.scene.steps, self.cells, self.contact_pressures, open_leakage)
 
 
 def mean_relief(scene: Scene) -> float:

@@ -385,13 +385,10 @@ def _edge_distance(supply: CellSupply) -> Array:
     is_known = cells.steps.on_loading & np.isfinite(cells.edge_distance)
     if not is_known.any():
         return np.full(len(steps), np.nan)
-    contact_pressures = steps.pressures
-    if (
-        cells.steps != steps
-    ):  # the contact states have tabulated pressures, without the relief by the fluid
-        contact_pressures = np.maximum(steps.pressures - mean_relief(supply.scene), 0.0)
+    # only tabulated contact states lack the relief by the fluid pressure
+    pressures = steps.pressures if cells.steps == steps else supply.contact_pressures
     interpolated = np.interp(
-        contact_pressures, cells.steps.pressures[is_known], cells.edge_distance[is_known]
+        pressures, cells.steps.pressures[is_known], cells.edge_distance[is_known]
     )
     return np.where(steps.on_loading, interpolated, np.nan)
 

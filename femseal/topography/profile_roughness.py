@@ -77,13 +77,15 @@ def profile_roughness(
     """
     if spacing is not None:
         return _filtered_roughness(surface, long_wave_filter(spacing))
-    stated_ra = ra
     if ra is None and rz is not None:
-        stated_ra = rz / _RZ_OVER_RA
+        ra = rz / _RZ_OVER_RA
+    if ra is not None:
+        cut_off = next(filters.long for filters in _SERIES if ra > filters.least_ra)
+        return _filtered_roughness(surface, cut_off)
     # from the longest cut-off to the shortest, until Ra is large enough for the filter
     for filters in _SERIES:
         roughness = _filtered_roughness(surface, filters.long)
-        if (roughness.ra if stated_ra is None else stated_ra) > filters.least_ra:
+        if roughness.ra > filters.least_ra:
             break
     return roughness
 
