@@ -23,7 +23,7 @@ from ..materials import HARDNESS_FACTOR
 from ..studies import Scene, StochasticResult, study_of_result
 from ..studies.study_registry import contact_fraction_of
 from ..topography import Continuation, Surface
-from ..topography.conditioning import UNSEEN
+from ..topography.instrument_limits import UNSEEN
 from .changed_models import ModelChange, model_changes, model_part, opposite_matters
 from .error_parts import CoarserSolution, ErrorBudget, ErrorPart
 from .estimates import (

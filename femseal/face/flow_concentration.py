@@ -13,7 +13,7 @@ import numpy as np
 
 from ..base import Floats, Shape
 from ..topography import Surface, Topography
-from ..topography.topography import wave_powers, wavenumber_grids
+from ..topography.waves import wave_powers, wavenumber_grids
 
 #: Fraction of the mean square slope that waves longer than the short wave contain.
 _SLOPE_FRACTION = 0.95

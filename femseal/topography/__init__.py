@@ -13,27 +13,23 @@ from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
     from .combined import Overlap, combine
-    from .conditioning import (
-        MOST_POINTS,
-        Conditioning,
-        Instrument,
-        Repair,
-        check_wave,
-        condition,
-        default_points,
-        default_wave,
-        repair,
-        resolved_wave,
-        resolving_shape,
-        smooth,
-        spikes_extreme,
-    )
+    from .conditioning import Conditioning, condition, smooth
     from .defects import SPIKES, TooManyUndefined
     from .describe import SurfaceReport, describe_surface
     from .generate import self_affine, turned
+    from .grid_choice import (
+        MOST_POINTS,
+        check_wave,
+        default_points,
+        default_wave,
+        resolved_wave,
+        resolving_shape,
+    )
+    from .instrument_limits import Instrument
     from .patches import Patches, Places, Surface
     from .raw import NO_VALUE
     from .read import Look, read_for_a_look, read_measured, read_topography
+    from .repairs import Repair, repair, spikes_extreme
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
     from .texture import spectrum
     from .topography import Topography

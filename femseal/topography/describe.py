@@ -1,32 +1,31 @@
 """Describe a measured surface: size, heights, slopes, texture, spectrum, and roughness parameters as on drawings.
 
-The roughness parameters of profiles and of the surface are computed after Gaussian filtering. The weighting function is
-exp(−π(x/αλ)²)/αλ with α² = ln 2/π, so that a wave of the cut-off λ keeps half of its amplitude. Two filters are
-applied: a filter with the cut-off λs removes waves shorter than λs, and a filter with the cut-off λc removes waves
-longer than λc. Beyond its borders, the map continues as its mirror image.
+The roughness parameters of profiles and of the surface are computed after Gaussian filtering, see `roughness_filters`.
+Beyond its borders, the map continues as its mirror image.
 
 The core of the material ratio curve is represented by a straight line. The line is fitted by least squares to the part
 of the curve that covers 40 % of the area and has the smallest slope, and is then extended from 0 to 100 % of the area.
 The part of the curve above this line (peaks) and the part below (valleys) are replaced by triangles of equal area.
 
-Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std, Sk, Spk, Svk, Smr, Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk), ISO
-21920-3 (cut-offs), ISO 16610-21 and 16610-61 (filters).
+Sources: ISO 25178-2 (Sq, Sa, Sz, Ssk, Sku, Sal, Str, Std, Sk, Spk, Svk, Smr, Sdr), ISO 21920-2 (Ra, Rz, Rq, Rsk).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan, log, nan, pi, sqrt
-from typing import Any, NamedTuple
+from math import atan, nan
+from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from ..base import Labelled, Pair, Shape, labelled
-from .conditioning import repair
 from .defects import SPIKES
 from .patches import check_single_patch
+from .profile_roughness import height_moments, standard_profile_parameters
+from .repairs import repair
+from .roughness_filters import STANDARD_CUT_OFFS, gaussian_filter
 from .texture import NO_LAW, spectrum, texture
 from .topography import Topography
 
@@ -128,7 +127,7 @@ def describe_surface(
     flat, repaired = repair(topography, spikes=spikes, max_undefined=max_undefined, detrend=detrend)
     levelled = topography.heights - topography.form(detrend).heights
     z = levelled[~np.isnan(levelled)]
-    moments = _moments(z)
+    moments = height_moments(z)
     tilt = topography.form(2 if detrend == 2 else 1).slopes
     waves = spectrum(flat)
     law = waves.law or NO_LAW
@@ -158,30 +157,6 @@ def describe_surface(
     )
 
 
-class _CutOff(NamedTuple):
-    """Cut-offs λs and λc of two filters that the standard applies together.
-
-    least_ra : smallest Ra [m] of the filtered profiles for which the standard recommends both filters.
-    long, short : cut-offs λc and λs [m].
-    """
-
-    least_ra: float
-    long: float
-    short: float
-
-
-#: Standard filters, from the longest to the shortest.
-_SERIES = (
-    _CutOff(1e-5, 8e-3, 2.5e-5),
-    _CutOff(2e-6, 2.5e-3, 8e-6),
-    _CutOff(1e-7, 8e-4, 2.5e-6),
-    _CutOff(2e-8, 2.5e-4, 2.5e-6),
-    _CutOff(0.0, 8e-5, 2.5e-6),
-)
-#: Largest number of sections of the length λc over which Rz is averaged.
-_SECTIONS = 5
-
-
 def roughness(flat: Topography) -> dict[str, Any]:
     """Return the roughness parameters of a map by their names in `SurfaceReport`.
 
@@ -195,12 +170,12 @@ def roughness(flat: Topography) -> dict[str, Any]:
 
     flat : map with its form removed and all points defined.
     """
-    along_x1, along_x2 = (_profile_parameters(flat, axis) for axis in (0, 1))
+    along_x1, along_x2 = (standard_profile_parameters(flat, axis) for axis in (0, 1))
     cut_off = max((c for c in (along_x1.cut_off, along_x2.cut_off) if c > 0), default=nan)
-    short = next((filters.short for filters in _SERIES if filters.long == cut_off), nan)
-    z = _gaussian_filter(flat, flat.heights, short, (0, 1))
-    z = z - _gaussian_filter(flat, z, cut_off, (0, 1))
-    moments = _moments(z.ravel())
+    short = next((pair.short for pair in STANDARD_CUT_OFFS if pair.long == cut_off), nan)
+    z = gaussian_filter(flat.heights, flat.spacing, short, (0, 1))
+    z = z - gaussian_filter(z, flat.spacing, cut_off, (0, 1))
+    moments = height_moments(z.ravel())
     return {
         "profile_cut_off": (along_x1.cut_off, along_x2.cut_off),
         "ra": (along_x1.ra, along_x2.ra),
@@ -272,78 +247,3 @@ def developed_area(z: NDArray, spacing: Pair) -> float:
     slope1 = scipy.ndimage.correlate1d(z, _DERIVATIVE, 0) / spacing[0]
     slope2 = scipy.ndimage.correlate1d(z, _DERIVATIVE, 1) / spacing[1]
     return float(np.mean(np.sqrt(1 + slope1**2 + slope2**2))) - 1
-
-
-class _ProfileParameters(NamedTuple):
-    """Roughness parameters of profiles: λc [m], Ra [m], Rq [m], Rz [m] and Rsk [-]."""
-
-    cut_off: float = nan
-    ra: float = nan
-    rq: float = nan
-    rz: float = nan
-    rsk: float = nan
-
-
-def _profile_parameters(flat: Topography, axis: int) -> _ProfileParameters:
-    """Compute the roughness parameters of profiles along an axis; NaN if all cut-offs are longer than a profile."""
-    parameters = _ProfileParameters()
-    # from the longest cut-off to the shortest, until the Ra is large enough for the filters
-    for filters in _SERIES:
-        if filters.long > flat.size[axis] * (1 + 1e-9):
-            continue
-        z = _gaussian_filter(flat, flat.heights, filters.short, (axis,))
-        z = z - _gaussian_filter(flat, z, filters.long, (axis,))
-        profiles = np.moveaxis(z, axis, -1)  # (profile, point)
-        moments = _moments(profiles)
-        points = max(1, round(filters.long / flat.spacing[axis]))
-        sections = max(1, min(_SECTIONS, profiles.shape[1] // points))
-        parts = np.split(profiles[:, : sections * points], sections, axis=1)
-        rz = float(np.mean([np.ptp(part, axis=1) for part in parts]))
-        parameters = _ProfileParameters(
-            filters.long, moments.mean, moments.rms, rz, moments.skewness
-        )
-        if moments.mean > filters.least_ra:
-            break
-    return parameters
-
-
-def _gaussian_filter(
-    flat: Topography, z: NDArray, cut_off: float, axes: tuple[int, ...]
-) -> NDArray:
-    """Apply a Gaussian low-pass filter with a given cut-off [m] along some axes; return NaN if the cut-off is NaN.
-
-    flat : map to which the heights belong; only its pixel size is used.
-    z : heights, (n1, n2) [m]. Beyond a border, the heights continue as their mirror image.
-    """
-    if not cut_off > 0:
-        return np.full(z.shape, nan)
-    for axis in axes:
-        n = z.shape[axis]
-        # A Gaussian weighting function with the standard deviation σ transmits exp(−σ²q²/2) of the wave q. Here σ is in
-        # pixels, and the waves of the cosine transform have q = πk/n with k = 0 … n − 1.
-        deviation = sqrt(log(2) / 2) / pi * cut_off / flat.spacing[axis]
-        transmission = np.exp(-0.5 * (pi * deviation * np.arange(n) / n) ** 2)
-        waves = scipy.fft.dct(z, axis=axis) * np.expand_dims(transmission, 1 - axis)
-        z = scipy.fft.idct(waves, axis=axis)
-    return z
-
-
-class _Moments(NamedTuple):
-    """Mean absolute height [m], rms height [m] and the skewness [-] of heights relative to their mean."""
-
-    mean: float
-    rms: float
-    skewness: float
-
-
-def _moments(z: NDArray) -> _Moments:
-    """Compute the moments of heights along the last axis, and average them over all other axes.
-
-    For heights of profiles with the axes (profile, point), the results are averages over all profiles.
-    """
-    z = z - z.mean(axis=-1, keepdims=True)
-    rms = np.sqrt(np.mean(z**2, axis=-1))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        # z * z * z instead of z**3, which takes ten times as long
-        skewness = np.mean(z * z * z, axis=-1) / rms**3
-    return _Moments(float(np.mean(np.abs(z))), float(np.mean(rms)), float(np.mean(skewness)))

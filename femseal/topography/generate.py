@@ -18,11 +18,10 @@ import scipy
 from numpy.typing import NDArray
 
 from ..base import InputError, Lengths, Pair, Shape, to_text, validate
-from .topography import SLACK, Topography
+from .grid_choice import PIXELS_PER_WAVE
+from .topography import Topography
+from .waves import SLACK
 
-#: Default number of pixels per shortest wave, which is enough to resolve contact and flow. If the pixels are not
-#: square, the larger spacing counts.
-PIXELS_PER_WAVE = 8
 #: Number of waves that are handled at a time, to save memory.
 _WAVES_AT_ONCE = 2**20
 

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..base import Array, Flags, InputError, counted, shortened, to_si
-from .conditioning import Instrument
 from .coordinates import profile_error
+from .instrument_limits import Instrument
 from .raw import Raw, Reading, length_unit
 
 #: Longest list of channels in a message [characters].

@@ -1,20 +1,29 @@
-"""Compute Ra and Rz of profiles across the lay of a generated surface, for comparison with a drawing.
+"""Compute the roughness parameters Ra, Rz, Rq and Rsk of the profiles of a surface.
 
-The profiles are filtered as a roughness tester does: a Gaussian filter with the cut-off λc (ISO 16610-21) removes the
-long waves. For periodic profiles, λc is chosen by the mean spacing RSm of the profile elements, which is the feed per
-revolution of a turned surface. For irregular profiles, λc is chosen by Ra. If the surface is shorter than λc, the
-profiles are not filtered. Sources: ISO 4288 and ISO 21920-3 (choice of λc), ISO 21920-2 (Ra, Rz, Rq).
+The parameters are computed for two purposes:
+
+- `profile_roughness` is for the comparison of a generated surface with a drawing, and filters the profiles across the
+  lay as a roughness tester does: a Gaussian filter with the cut-off λc removes the long waves. For periodic profiles,
+  λc is chosen by the mean spacing RSm of the profile elements, which is the feed per revolution of a turned surface.
+  For irregular profiles, λc is chosen by Ra. If the surface is shorter than λc, the profiles are not filtered.
+- `standard_profile_parameters` is for the description of a measured surface along both axes. It applies both filters of
+  the standard, and λc is never longer than the profile.
+
+Source: ISO 21920-2 (Ra, Rz, Rq, Rsk). The module `roughness_filters` contains the filters and their cut-offs.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from math import nan
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .describe import _SERIES, _gaussian_filter
+from .roughness_filters import STANDARD_CUT_OFFS, gaussian_filter, long_wave_filter
 from .topography import Topography
 
-#: Largest mean spacing RSm [m] for each long-wave filter λc [m], see ISO 4288 and ISO 21920-3.
-_FILTERS = ((4e-5, 8e-5), (1.3e-4, 2.5e-4), (4e-4, 8e-4), (1.3e-3, 2.5e-3), (4e-3, 8e-3))
 #: Ratio of the limits of Rz and Ra at which ISO 4288 changes the filter.
 _RZ_OVER_RA = 5.0
 #: Largest number of sections of the length λc over which Rz is averaged.
@@ -80,12 +89,12 @@ def profile_roughness(
     if ra is None and rz is not None:
         ra = rz / _RZ_OVER_RA
     if ra is not None:
-        cut_off = next(filters.long for filters in _SERIES if ra > filters.least_ra)
+        cut_off = next(cut_offs.long for cut_offs in STANDARD_CUT_OFFS if ra > cut_offs.least_ra)
         return _filtered_roughness(surface, cut_off)
     # from the longest cut-off to the shortest, until Ra is large enough for the filter
-    for filters in _SERIES:
-        roughness = _filtered_roughness(surface, filters.long)
-        if roughness.ra > filters.least_ra:
+    for cut_offs in STANDARD_CUT_OFFS:
+        roughness = _filtered_roughness(surface, cut_offs.long)
+        if roughness.ra > cut_offs.least_ra:
             break
     return roughness
 
@@ -95,29 +104,78 @@ def _filtered_roughness(surface: Topography, cut_off: float) -> ProfileRoughness
     heights = surface.heights
     sections = 1  # of the length λc, over which Rz is averaged; the whole profile without a filter
     if cut_off <= surface.size[0]:
-        heights = heights - _gaussian_filter(surface, heights, cut_off, (0,))
+        heights = heights - gaussian_filter(heights, surface.spacing, cut_off, (0,))
         sections = min(_SECTIONS, int(surface.size[0] / cut_off + 1e-9))
     else:
         cut_off = np.nan
     heights = heights - heights.mean(axis=0)
-    points = len(heights) // sections
-    parts = np.split(heights[: sections * points], sections)
-    rz = float(np.mean([np.ptp(part, axis=0) for part in parts]))
     return ProfileRoughness(
         ra=float(np.abs(heights).mean()),
-        rz=rz,
+        rz=_mean_section_height(heights.T, sections, len(heights) // sections),
         rq=float(heights.std(axis=0).mean()),
         cut_off=float(cut_off),
     )
 
 
-def long_wave_filter(spacing: float) -> float:
-    """Return the cut-off λc [m] of the long-wave filter for a mean spacing RSm of the profile elements [m].
+class ProfileParameters(NamedTuple):
+    """Roughness parameters of profiles: λc [m], Ra [m], Rq [m], Rz [m] and Rsk [-]."""
 
-    >>> long_wave_filter(0.15e-3)
-    0.0008
+    cut_off: float = nan
+    ra: float = nan
+    rq: float = nan
+    rz: float = nan
+    rsk: float = nan
+
+
+def standard_profile_parameters(flat: Topography, axis: int) -> ProfileParameters:
+    """Compute the roughness parameters of profiles along an axis; NaN if all cut-offs are longer than a profile."""
+    parameters = ProfileParameters()
+    # from the longest cut-off to the shortest, until the Ra is large enough for the filters
+    for cut_offs in STANDARD_CUT_OFFS:
+        if cut_offs.long > flat.size[axis] * (1 + 1e-9):
+            continue
+        z = gaussian_filter(flat.heights, flat.spacing, cut_offs.short, (axis,))
+        z = z - gaussian_filter(z, flat.spacing, cut_offs.long, (axis,))
+        profiles = np.moveaxis(z, axis, -1)  # (profile, point)
+        moments = height_moments(profiles)
+        points = max(1, round(cut_offs.long / flat.spacing[axis]))
+        sections = max(1, min(_SECTIONS, profiles.shape[1] // points))
+        rz = _mean_section_height(profiles, sections, points)
+        parameters = ProfileParameters(
+            cut_offs.long, moments.mean, moments.rms, rz, moments.skewness
+        )
+        if moments.mean > cut_offs.least_ra:
+            break
+    return parameters
+
+
+def _mean_section_height(profiles: NDArray, sections: int, points: int) -> float:
+    """Compute Rz [m], the mean height from the lowest to the highest point of the sections of all profiles.
+
+    profiles : heights of the profiles (profile, point) [m].
+    sections : number of sections into which the beginning of each profile is divided.
+    points : number of points of a section.
     """
-    for largest, cut_off in _FILTERS:
-        if spacing <= largest:
-            return cut_off
-    return _FILTERS[-1][1]
+    parts = np.split(profiles[:, : sections * points], sections, axis=1)
+    return float(np.mean([np.ptp(part, axis=1) for part in parts]))
+
+
+class Moments(NamedTuple):
+    """Mean absolute height [m], rms height [m] and the skewness [-] of heights relative to their mean."""
+
+    mean: float
+    rms: float
+    skewness: float
+
+
+def height_moments(z: NDArray) -> Moments:
+    """Compute the moments of heights along the last axis, and average them over all other axes.
+
+    For heights of profiles with the axes (profile, point), the results are averages over all profiles.
+    """
+    z = z - z.mean(axis=-1, keepdims=True)
+    rms = np.sqrt(np.mean(z**2, axis=-1))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # z * z * z instead of z**3, which takes ten times as long
+        skewness = np.mean(z * z * z, axis=-1) / rms**3
+    return Moments(float(np.mean(np.abs(z))), float(np.mean(rms)), float(np.mean(skewness)))

@@ -7,7 +7,7 @@ from pathlib import Path
 from numpy.typing import NDArray
 
 from ..base import Flags, InputError, Lengths, Pair, Periodic, to_si
-from .conditioning import UNKNOWN, Instrument
+from .instrument_limits import UNKNOWN, Instrument
 
 #: Value of `no_data` that says that every number of the file is a height.
 NO_VALUE = "none"

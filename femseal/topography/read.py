@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Flags, InputError, Pair, Periodic, Shape, as_text, to_si, to_text, validate
-from .conditioning import Instrument
 from .coordinates import profile_error
 from .formats import READERS, read_file, reading
+from .instrument_limits import Instrument
 from .instruments import unprinted
 from .no_data import mark_undefined_points
 from .raw import Raw, Reading, bad_file

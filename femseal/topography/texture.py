@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from ..base import Array, Flags
 from .patches import Surface
-from .topography import SLACK, Topography
+from .topography import Topography
+from .waves import SLACK
 
 #: Number of bins of the spectrum per decade of wavelength, and number of positions per decade that are tried for the
 #: end of a plateau.

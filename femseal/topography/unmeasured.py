@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import InputError, Pair, Periodic, Shape, to_text, validate
-from .conditioning import resolved_wave, resolving_shape
 from .generate import random_waves, wave_numbers
+from .grid_choice import resolved_wave, resolving_shape
 from .patches import Surface
 from .texture import PowerLaw, spectrum, texture
 from .topography import Topography

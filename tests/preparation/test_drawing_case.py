@@ -21,7 +21,8 @@ from femseal.preparation.drawing_check import (
 from femseal.preparation.drawing_values import QUESTIONS, read_drawing
 from femseal.preparation.preparation import prepare
 from femseal.preparation.surface import condition_surface
-from femseal.topography.profile_roughness import long_wave_filter, profile_roughness
+from femseal.topography.profile_roughness import profile_roughness
+from femseal.topography.roughness_filters import long_wave_filter
 
 TURNED = {
     "ra": "1.6um",

@@ -9,7 +9,7 @@ import femseal as fs
 from femseal.budget.versions import without_filtered_waves
 from femseal.case import parse_case
 from femseal.preparation import prepare
-from femseal.topography import conditioning as grids
+from femseal.topography import grid_choice
 
 
 @pytest.fixture
@@ -60,7 +60,7 @@ def test_condition_can_choose_the_grid_of_a_run(case, tmp_path):
 
 
 def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
-    monkeypatch.setattr(grids, "MOST_POINTS", 20_000)
+    monkeypatch.setattr(grid_choice, "MOST_POINTS", 20_000)
     prepared = prepare(case())
     lost, shortest = prepared.conditioning.lost_slope, prepared.conditioning.shortest_measured
     assert_allclose(np.prod(prepared.scene.surface.shape), 20_000, rtol=0.15)

@@ -19,7 +19,7 @@ from femseal.topography import (
     resolving_shape,
     self_affine,
 )
-from femseal.topography.topography import wave_powers, wavenumber_grids
+from femseal.topography.waves import wave_powers, wavenumber_grids
 
 PERIODS = [(True, True), (False, True), (True, False), (False, False)]
 SIZE = (3e-3, 2e-3)
