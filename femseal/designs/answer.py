@@ -22,7 +22,7 @@ from ..fluids import leak_basis
 from ..results import Results, open_results
 from ..results.class_fluid import class_fluid
 from ..results.leakage_classes import class_limits
-from ..results.load_steps import force_scale
+from ..results.load_steps import force_scale, given_loads
 from ..results.verdict_text import short_loads
 from ..runs import job
 from .data_sheet import Design
@@ -196,9 +196,7 @@ def _loads_in_assembly(
     if case is not None:
         unit = case.load.unit
     elif results is not None:
-        scale = force_scale(results.dataset)
-        if scale is not None:
-            unit = "N/m" if scale.unit == "N/mm" else "N"
+        unit, _ = given_loads(results.dataset)
     return [_in_si("assembly", load, unit) for load in loads]
 
 

@@ -33,7 +33,7 @@ from ..plots.style import GREY, branch_styles, rendered_formats
 from ..report import write_report
 from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset_file import FILE_NAME
-from ..results.load_steps import force_scale, loads_as_given, pressures_and_peaks
+from ..results.load_steps import force_scale, load_format, pressures_and_peaks
 from ..results.results import Results
 from ..results.sealing_index import SealingIndex, indices_of_limits
 from ..results.tables import kind_of
@@ -172,7 +172,7 @@ class Design(Plotted):
     @property
     def load_text(self) -> LoadText:
         """Function that formats a nominal pressure [Pa], and adds the force if the loads of the case are forces."""
-        return loads_as_given(self.results.dataset, 3)
+        return load_format(self.results.dataset, 3).full
 
     def table(self) -> Any:
         """Make the data sheet for a terminal, for `rich.print`."""

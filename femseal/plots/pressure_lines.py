@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..base import Array, to_text
+from ..base import Array
 from ..results.best_leakage import METHODS
-from ..results.load_steps import branches_in, force_scale
+from ..results.load_steps import branches_in, load_format
 from ..results.results import Results
 from .drawing import (
     LEGEND_LINE,
@@ -53,14 +53,7 @@ def short_load_names(data: xarray.Dataset) -> list[str]:
 
     The load has the unit of the case file, a unit of pressure or of force.
     """
-    force = force_scale(data)
-
-    def text(pressure: float) -> str:
-        """Write a load as text: a nominal pressure [Pa], or the force if the loads of the case are forces."""
-        if force is None:
-            return to_text(pressure, "Pa", 4)
-        return f"{force.per_pascal * pressure:.4g} {force.unit}"
-
+    text = load_format(data).short
     names = []
     for pressure, peak in zip(
         data["nominal_pressure"].values, data["unloaded_from"].values, strict=True

@@ -11,6 +11,7 @@ import numpy as np
 from ..base import Array, Flags
 from ..base.leak_units import leakage_unit
 from ..results.load_steps import load_names
+from ..seal.layouts import RectangularLayout
 from .drawing import MAP, Sheet, length_unit
 from .map_panels import (
     CLOSED,
@@ -157,7 +158,7 @@ def _set_up_axes(axes: Axes, panel: _Panel) -> tuple[float, str]:
 def _axis_names(data: xarray.Dataset, unit: str, is_turned: bool) -> tuple[str, str]:
     """Return the names of the horizontal and the vertical axis."""
     names = f"$x$ [{unit}]", f"$y$ [{unit}]"
-    if data.attrs["seal"].startswith("a strip"):
+    if data.attrs["seal_kind"] == RectangularLayout.kind:
         names = f"$x_1$, inlet at 0 [{unit}]", f"$x_2$ along the seal [{unit}]"
     return (names[1], names[0]) if is_turned else names
 

@@ -16,6 +16,7 @@ from ..base import AnyPath, Array, InputError, to_text
 from ..results.load_steps import load_names
 from ..results.pixel_fields import stored_steps
 from ..results.results import Results
+from ..seal.layouts import RectangularLayout
 from .maps import default_step
 
 if TYPE_CHECKING:
@@ -265,7 +266,8 @@ def ends_of_seal(results: Results) -> Array | None:
     outlet is on the right.
     """
     data = results.dataset
-    if str(data.attrs.get("seal", "")).startswith("a strip") or "drawn_fluid_pressure" not in data:
+    is_strip = data.attrs.get("seal_kind") == RectangularLayout.kind
+    if is_strip or "drawn_fluid_pressure" not in data:
         return None
     pressure = np.asarray(data["drawn_fluid_pressure"].values)  # (step, tile)
     known_steps = np.flatnonzero(np.isfinite(pressure).any(axis=1))

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import isclose
 
-from ..base import to_text
-from .load_steps import loads_as_given
+from .load_steps import LoadFormat, force_scale
 from .results import Results
 from .verdict import LoadText, verdicts_of
 from .verdict_text import short_loads
 
-#: Nominal pressures [Pa] at which the texts of the loads of several runs are compared.
-_COMPARED_PRESSURES = (1e6, 1e7, 1e8)
+#: Number of significant digits of the loads.
+_DIGITS = 3
+#: Relative difference of the forces of two runs at the same pressure that `_DIGITS` digits cannot show.
+_SAME_FORCE = 0.5 * 10.0**-_DIGITS
 
 
 def common_load_text(runs: Sequence[Results]) -> LoadText:
@@ -20,11 +22,16 @@ def common_load_text(runs: Sequence[Results]) -> LoadText:
     If the cases of all runs give forces on equal areas, the text is the force with the pressure in brackets. If a case
     gives pressures or the areas are different, the text is the pressure.
     """
-    functions = [loads_as_given(results.dataset, 3) for results in runs]
-    texts = {tuple(map(function, _COMPARED_PRESSURES)) for function in functions}
-    if len(texts) == 1:
-        return functions[0]
-    return lambda pressure: to_text(pressure, "Pa", 3)
+    scales = [force_scale(results.dataset) for results in runs]
+    first = scales[0]
+    is_common = all(
+        scale is not None
+        and first is not None
+        and scale.unit == first.unit
+        and isclose(scale.per_pascal, first.per_pascal, rel_tol=_SAME_FORCE)
+        for scale in scales
+    )
+    return LoadFormat(first if is_common else None, _DIGITS).full
 
 
 def class_columns(runs: Sequence[Results]) -> list[tuple[str, list[str]]]:

@@ -19,6 +19,7 @@ from ..base.machine import machine, peak_memory
 from ..budget import VAGUE, ErrorBudget, vague_steps
 from ..face.cells import Cut
 from ..fluids import leak_basis
+from ..seal.layouts import Layout, RectangularLayout
 from ..studies import (
     STUDIES,
     BlocksResult,
@@ -303,12 +304,12 @@ def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts
     stochastic = by_key.get("stochastic")
     # without a stochastic study, the seal is a strip as large as the face
     size = scene.surface.size
-    seal = "a strip"
+    seal: Layout = RectangularLayout()
     tile_attributes: dict[str, Any] = {}
     if isinstance(stochastic, StochasticResult):
         tiles = stochastic.tiles
         size = tiles.size
-        seal = str(scene.layout)
+        seal = scene.layout
         tile_attributes = {"tiles": str(tiles), "tiles_in_order": int(tiles.in_order)}
     basis = _leak_basis(scene, size, facts)
     attributes = {
@@ -322,7 +323,8 @@ def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts
         "versions": _json(versions()),
         "machine": _json(machine()),
         "peak_memory_bytes": peak_memory(),
-        "seal": seal,
+        "seal": str(seal),
+        "seal_kind": seal.kind,
         "seal_size_m": [float(length) for length in size],
         "leakage_unit": _unit_name(facts, basis),
         **_solver_attributes(by_key, facts.warnings),

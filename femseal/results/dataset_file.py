@@ -11,6 +11,8 @@ from typing import Any
 import xarray
 
 from ..base import AnyPath, InputError, free_memory, made_folder, shortened, write_bytes
+from ..seal.layouts import RectangularLayout
+from ..studies import STUDIES
 from .best_leakage import METHODS
 from .results import Results
 
@@ -100,9 +102,10 @@ def open_results(folder: AnyPath) -> Results:
         reason = f"no {FILE_NAME} in it" if folder.is_dir() else "no such folder"
         expected = f"a folder with the {FILE_NAME} of a finished run"
         raise InputError("results folder", f"{folder} ({reason})", expected)
-    results = Results(_read(path), folder)
+    data = _read(path)
     try:
-        _check_attributes(results.dataset)
+        _check_attributes(data)
+        results = Results(_with_all_attributes(data), folder)
         results.table()
     except Exception as error:
         # variables of a wrong type, shape or dimension can cause any kind of error
@@ -142,6 +145,15 @@ def _with_present_names(data: xarray.Dataset) -> xarray.Dataset:
         if present != name:
             names[name] = present
     return data.rename(names)
+
+
+def _with_all_attributes(data: xarray.Dataset) -> xarray.Dataset:
+    """Add the attributes that earlier versions of femseal did not store."""
+    case = json.loads(data.attrs["case"])
+    kind = RectangularLayout.kind
+    if STUDIES["stochastic"].leakage_variable in data:
+        kind = (case.get("seal") or {}).get("kind", kind)
+    return data.assign_attrs({"seal_kind": kind} | data.attrs)
 
 
 def _check_attributes(data: xarray.Dataset) -> None:

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ..base import Array, Indices, counted, to_text
-from ..loads import LoadProgramme, LoadStep
+from ..base import Array, Indices, InputError, counted, to_si, to_text
+from ..loads import LOAD_UNITS, LoadProgramme, LoadStep
 
 if TYPE_CHECKING:
     import xarray
@@ -99,17 +100,37 @@ def branch_text(peak: float | None, text: Callable[[float], str] = _pressure_tex
     return f"unloading from {text(peak)}"
 
 
-def force_scale(data: xarray.Dataset) -> ForceScale | None:
-    """Return the scale that converts nominal pressures to forces, or None if the case gives its loads as pressures."""
+def given_loads(data: xarray.Dataset) -> tuple[str, list[float]]:
+    """Return the SI unit of the loads in the case, "Pa", "N" or "N/m", and the loads on loading and the peaks in it.
+
+    Without a case, the unit is "Pa", and the list is empty.
+    """
+    # a stored case contains pressures as numbers, and forces as texts with a unit; all its loads have the same unit
     table = json.loads(data.attrs.get("case", "{}")).get("load", {})
     loads = [*(table.get("loading") or ()), *(table.get("unload_from") or ())]
-    # A force is stored as text with its unit, such as "2000.0 N", and a pressure as a number. All loads of a case have
-    # the same unit, N or N/m.
-    words = [str(load).split() for load in loads]
-    if not words or len(words[0]) < 2:
+    for unit in LOAD_UNITS:
+        values = [_load_in(unit, load) for load in loads]
+        if values and not np.isnan(values).any():
+            return unit, values
+    return "Pa", []
+
+
+def _load_in(unit: str, load: float | str) -> float:
+    """Return a load of a stored case in an SI unit, or NaN if the load has another unit."""
+    if not isinstance(load, str):
+        return float(load) if unit == "Pa" else np.nan
+    try:
+        return to_si(load, unit)
+    except InputError:
+        return np.nan
+
+
+def force_scale(data: xarray.Dataset) -> ForceScale | None:
+    """Return the scale that converts nominal pressures to forces, or None if the case gives its loads as pressures."""
+    si_unit, loads = given_loads(data)
+    if si_unit == "Pa":
         return None
-    highest_force = max(float(number) for number, _ in words)  # [N] or [N/m]
-    si_unit = words[0][1]
+    highest_force = max(loads)  # [N] or [N/m]
     unit = "N"
     factor = 1.0  # value in `unit` of a force of 1 in SI
     if si_unit == "N/m":
@@ -123,31 +144,46 @@ def force_scale(data: xarray.Dataset) -> ForceScale | None:
     return ForceScale(unit, factor * highest_force / highest_pressure)
 
 
-def loads_as_given(data: xarray.Dataset, digits: int = 4) -> Callable[[float], str]:
-    """Return a function that converts a nominal pressure [Pa] to text.
+@dataclass(frozen=True)
+class LoadFormat:
+    """Write nominal pressures as the loads of a case: as pressures, or as forces.
 
-    If the case gives its loads as forces, the text begins with the force, for example "2 kN (40 MPa)".
+    Attributes
+    ----------
+    force : scale that converts nominal pressures to forces; None if the case gives pressures.
+    digits : number of significant digits.
+    """
+
+    force: ForceScale | None
+    digits: int = 4
+
+    def short(self, pressure: float) -> str:
+        """Write a nominal pressure [Pa] as a load of the case, such as "40 MPa" or "2 kN"."""
+        if self.force is None:
+            return to_text(pressure, "Pa", self.digits)
+        return f"{self.force.per_pascal * pressure:.{self.digits}g} {self.force.unit}"
+
+    def full(self, pressure: float) -> str:
+        """Write a nominal pressure [Pa]; a force is followed by the pressure, as in "2 kN (40 MPa)"."""
+        if self.force is None:
+            return self.short(pressure)
+        return f"{self.short(pressure)} ({to_text(pressure, 'Pa', self.digits)})"
+
+
+def load_format(data: xarray.Dataset, digits: int = 4) -> LoadFormat:
+    """Return the format in which the loads of a run are written: as pressures, or as forces if the case gives forces.
 
     Parameters
     ----------
     data : dataset of a run.
     digits : number of significant digits.
     """
-    scale = force_scale(data)
-
-    def text(pressure: float) -> str:
-        """Return a nominal pressure [Pa] as text, with the force if the case gives forces."""
-        nominal = to_text(pressure, "Pa", digits)
-        if scale is None:
-            return nominal
-        return f"{scale.per_pascal * pressure:.{digits}g} {scale.unit} ({nominal})"
-
-    return text
+    return LoadFormat(force_scale(data), digits)
 
 
 def load_names(data: xarray.Dataset) -> list[str]:
     """Return a string for every step with its branch and its load, such as "unloading 40 MPa from 300 MPa"."""
-    text = loads_as_given(data)
+    text = load_format(data).full
     pressures = data["nominal_pressure"].values
     peaks = data["unloaded_from"].values
     names = []

@@ -14,7 +14,7 @@ from ..base import TextTable, counted, duration, format_deviation, number_text, 
 from ..base.fields import Field, with_unit
 from ..base.leak_units import LEAK_UNITS, USUAL_UNITS, LeakUnit
 from ..budget import VAGUE
-from .load_steps import branch_text, cycle_text, force_scale, loads_as_given
+from .load_steps import branch_text, cycle_text, load_format
 from .pixel_fields import stored_steps
 from .results import Results
 
@@ -176,14 +176,13 @@ def totals_table(run: Results) -> TextTable:
 
 def _load_columns(data: xarray.Dataset) -> list[Column]:
     """Return the columns for the branch, the force (if the case gives forces) and the nominal pressure."""
-    scale = force_scale(data)
-    load_text = loads_as_given(data)
+    loads = load_format(data)
     pressures = data["nominal_pressure"].values.tolist()
-    branch = [branch_text(peak, load_text) for peak in data["unloaded_from"].values]
+    branch = [branch_text(peak, loads.full) for peak in data["unloaded_from"].values]
     columns = [("branch", branch)]
-    if scale is not None:
-        forces = [f"{scale.per_pascal * pressure:.4g}" for pressure in pressures]
-        columns.append((f"force [{scale.unit}]", forces))
+    if loads.force is not None:
+        forces = [f"{loads.force.per_pascal * pressure:.4g}" for pressure in pressures]
+        columns.append((f"force [{loads.force.unit}]", forces))
     columns.append(("pressure", [to_text(pressure, "Pa") for pressure in pressures]))
     return columns
 
@@ -432,7 +431,7 @@ def contents(run: Results) -> dict[str, str]:
         "leakage": f"at {peak_text}: {leakage_text} ({run.method})",
         "load": cycle_text(steps),
     }
-    load_text = loads_as_given(run.dataset, 3)
+    load_text = load_format(run.dataset, 3).full
     for verdict in run.verdicts:
         assembly_load = load_text(verdict.assembly_load)
         facts[f"class {verdict.name}"] = f"{verdict.answer}, at {assembly_load}"

@@ -30,7 +30,7 @@ from .load_steps import load_names
 from .measures import narrowed_by
 from .results import Results
 
-#: Function that converts a nominal pressure [Pa] to text, with the force if the case gives forces.
+#: Function that converts a nominal pressure [Pa] to text, see `LoadFormat`.
 LoadText = Callable[[float], str]
 #: Name of the 95 % interval in sentences.
 INTERVAL = "the whole 95 % interval"

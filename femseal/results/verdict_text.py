@@ -12,7 +12,7 @@ from math import inf, isfinite, log, log1p, nan
 from ..base import TextTable, format_deviation, to_text
 from ..base.leak_rates import leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit
-from .load_steps import force_scale, loads_as_given
+from .load_steps import force_scale, load_format
 from .measures import HEIGHTS, LOAD_INCREASE, best_narrowing, lowering
 from .results import Results
 from .tables import format_interval, format_leakage, half_width_text, with_leak_unit
@@ -99,7 +99,7 @@ class _Answer:
         """Collect what several sentences need: leakage curve, assembly load, and fluid of the leakage classes."""
         self.results = results
         self.curve = LeakageCurve.of_results(results)
-        self.load_text = loads_as_given(results.dataset, 3)
+        self.load_text = load_format(results.dataset, 3).full
         self.step = self.curve.assembly_step
         self.assembly_load = self.load_of(self.step)
         self.fluid = deciding_fluid(results)
@@ -430,8 +430,7 @@ def required_loads(needed: NeededPressure, load_text: LoadText) -> str:
 
 def short_loads(results: Results) -> LoadText:
     """Return a function that converts a nominal pressure to a short text: the force alone if the case gives forces."""
-    load_text = loads_as_given(results.dataset, 3)
-    return lambda pressure: load_text(pressure).partition(" (")[0]
+    return load_format(results.dataset, 3).short
 
 
 def verdict_table(

@@ -16,6 +16,7 @@ from ..preparation.drawing_check import drawing_text
 from ..preparation.preparation import Prepared
 from ..results.load_steps import cycle_text
 from ..results.variables import fluid_text
+from ..seal.layouts import RectangularLayout
 from ..studies import Scene
 from ..studies.blocks import blocks_of
 from ..studies.sampling import describe_map
@@ -73,7 +74,7 @@ def describe_case(
     yield "flow", f"solver {scene.solver}"
     yield from _slip_lines(scene)
     yield from _study_lines(prepared)
-    if str(scene.layout) != "a strip":
+    if scene.layout != RectangularLayout():
         yield "seal", str(scene.layout)
     if estimate is not None:
         yield "quick estimate", str(estimate)
