@@ -85,11 +85,14 @@ class Run:
         Function that is called with the progress of the stages, see `Progress`.
     timings : dict
         Wall times [s] by name: of the parts of the run, see `timed`, and of every stage in these parts.
+    parts : list of str
+        Names of the parts of the run in `timings`.
     """
 
     mapper: Mapper = map
     progress: Progress = no_progress
     timings: dict[str, float] = field(default_factory=dict)
+    parts: list[str] = field(default_factory=list)
 
     @contextmanager
     def timed(self, name: str) -> Iterator[Mapper]:
@@ -102,6 +105,8 @@ class Run:
         yield self._reporting_mapper(name)
         seconds = time.perf_counter() - start
         self._add_time(name, seconds)
+        if name not in self.parts:
+            self.parts.append(name)
         self.progress(name, 1, 1)
         log.info("%s: %.1f s", name, seconds)
 

@@ -278,6 +278,7 @@ class RefinedAnswer:
     budget : error budget of `result`.
     attempts : all attempts in their order.
     reason : reason why the attempts ended although the accuracy was not reached; "" if the accuracy was reached.
+    can_halve_error : True if other settings could halve the error.
     half_error : text that says which settings would halve the error, and how long an attempt with these settings would
         take.
     accuracy : required accuracy, as the largest relative error of the leakage.
@@ -289,6 +290,7 @@ class RefinedAnswer:
     budget: ErrorBudget
     attempts: tuple[Attempt, ...]
     reason: str
+    can_halve_error: bool
     half_error: str
     accuracy: float
     time_limit: float
@@ -320,6 +322,7 @@ class RefinedAnswer:
             "limit": last.limit,
             "load": last.load,
             "why": self.reason,
+            "can_halve_error": self.can_halve_error,
             "half_error": self.half_error,
             "time_limit": self.time_limit,
             "settings": asdict(last.settings),
@@ -373,13 +376,15 @@ def refine_to_accuracy(case: Case, original: Prepared, run: Run) -> RefinedAnswe
         settings, change, reason = attempts.next_settings(goal, time_limit)
         log.info("next: %s", change or reason)
     prepared, result, budget = solved
+    can_halve_error, half_error = attempts.half_error()
     return RefinedAnswer(
         prepared=prepared,
         result=result,
         budget=budget,
         attempts=tuple(attempts.done),
         reason=reason,
-        half_error=attempts.half_error(),
+        can_halve_error=can_halve_error,
+        half_error=half_error,
         accuracy=case.accuracy,
         time_limit=time_limit,
     )
@@ -479,15 +484,15 @@ class _Attempts:
         """Case as text, and number of completed attempts, which together identify a stored decision of the run."""
         return json.dumps(self.case.echo(), default=str), len(self.done)
 
-    def half_error(self) -> str:
-        """Say which settings would halve the largest error of the last attempt, and how long this would take."""
+    def half_error(self) -> tuple[bool, str]:
+        """Say whether and by which settings the largest error of the last attempt can be halved, and in which time."""
         last = self.done[-1]
         finer, change = finer_settings(
             self.case, self.original, last.settings, last.limit, self.memory
         )
         if finer is None:
-            return f"not possible: {change}"
-        return f"{change}, about {duration(self._expected_seconds(finer))}"
+            return False, f"not possible: {change}"
+        return True, f"{change}, about {duration(self._expected_seconds(finer))}"
 
     def _expected_seconds(self, settings: Settings) -> float:
         """Estimate the wall time of an attempt with other settings [s] from the measured time of the last attempt."""

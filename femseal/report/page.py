@@ -113,12 +113,6 @@ def report_html(results: Results, drawings: Drawings | None = None) -> str:
     step = default_step(data)
     names = load_names(data)
     attempts = results.attempts
-    timings = json.loads(data.attrs["timings"])
-    stage_timings = {
-        stage: seconds
-        for stage, seconds in timings.items()
-        if ": " not in stage  # these are parts of stages
-    }
     pictures = drawings or draw_all(results)
     return page_template().render(
         results=results,
@@ -139,9 +133,18 @@ def report_html(results: Results, drawings: Drawings | None = None) -> str:
         pictures={name: png_uri(picture) for name, picture in pictures.items()},
         budget=report_tables.budget_table(results),
         attempts=None if attempts is None else attempts_table(attempts),
-        stages=stage_timings,
+        stages=_times_of_parts(data),
         case=as_chosen(results.case, attempts),
     )
+
+
+def _times_of_parts(data: xarray.Dataset) -> dict[str, float]:
+    """Return the wall time of each part of a run [s], without the times of the stages in these parts."""
+    timings = json.loads(data.attrs["timings"])
+    if "timed_parts" in data.attrs:
+        return {part: timings[part] for part in json.loads(data.attrs["timed_parts"])}
+    # without this attribute, as in files of earlier versions, the name of a stage contains the name of its part
+    return {name: seconds for name, seconds in timings.items() if ": " not in name}
 
 
 @cache

@@ -18,7 +18,7 @@ from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..loads import first_known, least_counted
 from ..results.load_steps import load_names
 from ..results.results import Results
-from ..results.tables import class_unit, format_interval, format_leakage, with_leak_unit
+from ..results.tables import class_unit, format_interval, format_leakage
 from ..results.verdict import LeakageCurve, deciding_fluid
 from ..results.verdict_text import verdict_table
 
@@ -60,11 +60,13 @@ def key_numbers(results: Results) -> list[KeyNumber]:
         elif results.has_failed[step]:
             value = "failed"
         else:
-            value = with_leak_unit(format_leakage(leakage[step], factor), unit)
+            value = format_leakage(leakage[step], factor, unit)
         interval = ""
         if curve.has_interval and np.isfinite(curve.leakage[step]):
-            ends = format_interval(curve.lower[step], curve.upper[step], factor, leakage[step])
-            interval = f"95 % interval {with_leak_unit(ends, unit)}"
+            ends = format_interval(
+                curve.lower[step], curve.upper[step], factor, leakage[step], unit
+            )
+            interval = f"95 % interval {ends}"
         numbers.append(KeyNumber(f"{subject}, {names[step]}", value, interval))
     return numbers
 
@@ -121,11 +123,11 @@ def test_fluid(results: Results) -> dict[str, Any] | None:
     ratio = np.median(service[both_leak] / test[both_leak]) if both_leak.any() else 0.0
     step = LeakageCurve.of_results(results).assembly_step
     unit = class_unit(results)
-    leakage = format_leakage(data["test_leakage"].values[step], test_basis.factor(unit))
+    leakage = format_leakage(data["test_leakage"].values[step], test_basis.factor(unit), unit)
     return {
         "name": deciding_fluid(results),
         "load": load_names(data)[step],
-        "leakage": with_leak_unit(leakage, unit),
+        "leakage": leakage,
         "gases": both_are_gases,
         "ratio": ratio,
     }

@@ -157,8 +157,8 @@ def _interval_columns(run: Results, factor: float) -> list[Column]:
     if "leakage_lower" in data:
         lower, upper = data["leakage_lower"], data["leakage_upper"]
         quantiles = "–".join(f"{100 * end.attrs['quantile']:g}" for end in (lower, upper))
-        pairs = zip(_value_texts(lower, factor), _value_texts(upper, factor), strict=True)
-        texts = [low if low == high else _joined(low, high) for low, high in pairs]
+        pairs = zip(lower.values, upper.values, strict=True)
+        texts = [_scatter_text(low, high, factor) for low, high in pairs]
         columns.append((f"scatter between seals, {quantiles} %", texts))
     return columns
 
@@ -250,20 +250,23 @@ def kind_of(unit: LeakUnit) -> str:
     return "leakage per length of seal" if unit.per_length else "leakage of the whole seal"
 
 
-def format_leakage(value: float, factor: float) -> str:
+def format_leakage(value: float, factor: float, unit: LeakUnit | None = None) -> str:
     """Format a leakage with three digits, as "sealed" if it is 0, and as "failed" if it is NaN.
 
     Parameters
     ----------
     value : leakage per unit seal length [m²/s].
     factor : leakage per unit seal length [m²/s] that corresponds to 1 in the unit of the text.
+    unit : unit that is written behind a number; None for a number without a unit.
     """
     if np.isnan(value):
         return "failed"
-    return "sealed" if value == 0 else number_text(value / factor)
+    return "sealed" if value == 0 else f"{number_text(value / factor)}{_behind_number(unit)}"
 
 
-def format_interval(low: float, high: float, factor: float, leakage: float) -> str:
+def format_interval(
+    low: float, high: float, factor: float, leakage: float, unit: LeakUnit | None = None
+) -> str:
     """Format the 95 % interval of a leakage.
 
     An end of the interval is written as a number with two digits, or with three digits if the interval is narrow. An
@@ -274,49 +277,63 @@ def format_interval(low: float, high: float, factor: float, leakage: float) -> s
     low, high : lower and upper ends of the 95 % interval [m²/s].
     factor : leakage per unit seal length [m²/s] that corresponds to 1 in the unit of the text.
     leakage : leakage whose interval is written [m²/s].
+    unit : unit that is written behind the number of the upper end; None for numbers without a unit.
 
     Examples
     --------
-    >>> format_interval(0.1, 2.0, 1.0, leakage=1.0), format_interval(0.0, 2.0, 1.0, leakage=1.0)
-    ('0.1–2', 'sealed–2')
-    >>> format_interval(1e-6, 2.0, 1.0, leakage=1.0), format_interval(1e-6, 2e39, 1.0, leakage=1.0)
+    >>> format_interval(0.1, 2.0, 1.0, leakage=1.0), format_interval(0.0, 2.0, 1.0, 1.0, LEAK_UNITS["mL/h"])
+    ('0.1–2', 'sealed–2 mL/h')
+    >>> format_interval(1e-6, 2.0, 1.0, leakage=1.0), format_interval(1e-6, 2e39, 1.0, 1.0, LEAK_UNITS["mL/h"])
     ('≈0–2', '≈0 to > 1000 times')
     """
     magnitude = abs(leakage)
     if np.isnan(low) or np.isnan(high):
         return "unknown"
     if np.isinf(high):
-        return "open or sealed" if low == 0 else f"{format_leakage(low, factor)} or more"
+        return "open or sealed" if low == 0 else f"{format_leakage(low, factor, unit)} or more"
+    if low == high == 0:
+        return "sealed"
     is_narrow = high <= _NARROW_RATIO * low
     digits = 3 if is_narrow else 2
     lower = number_text(low / factor, digits) if low else "sealed"
-    upper = number_text(high / factor, digits) if high else "sealed"
+    upper = f"{number_text(high / factor, digits)}{_behind_number(unit)}" if high else "sealed"
+    dash = _dash_after(low)
     # ends that differ from the leakage by more than a factor of `VAGUE`
     if 0 < VAGUE * low < magnitude:
         lower = "≈0"
     if high > VAGUE * magnitude > 0:
         upper = f"> {VAGUE:g} times"
-    return "sealed" if low == high == 0 else _joined(lower, upper)
+        dash = " to "
+    return f"{lower}{dash}{upper}"
 
 
-def _joined(low: str, high: str) -> str:
-    """Join the lower and upper ends of an interval by a dash, or by "to" where a dash could be misread."""
-    is_ambiguous = low.startswith("-") or high.startswith(">")
-    return f"{low} to {high}" if is_ambiguous else f"{low}–{high}"
+def _scatter_text(low: float, high: float, factor: float) -> str:
+    """Format the leakages at two quantiles of the realisations; see `format_leakage`."""
+    lower = format_leakage(low, factor)
+    upper = format_leakage(high, factor)
+    return lower if lower == upper else f"{lower}{_dash_after(low)}{upper}"
 
 
-def with_leak_unit(text: str, unit: LeakUnit) -> str:
-    """Add the unit to the text of a leakage or an interval, unless the text ends with a word such as "sealed".
+def _dash_after(low: float) -> str:
+    """Return the text between the ends of an interval: "to" if a dash behind a negative lower end could be misread."""
+    return " to " if low < 0 else "–"
 
-    Examples
-    --------
-    >>> [with_leak_unit(text, LEAK_UNITS["mL/h"]) for text in ("0.1–2", "sealed–2", "sealed", "≈0 to > 1000 times")]
-    ['0.1–2 mL/h', 'sealed–2 mL/h', 'sealed', '≈0 to > 1000 times']
+
+def format_upper_end(high: float, factor: float, unit: LeakUnit) -> str:
+    """Format the upper end of the 95 % interval of a seal that does not leak as computed.
+
+    Parameters
+    ----------
+    high : upper end of the 95 % interval [m²/s], finite and positive.
+    factor : leakage per unit seal length [m²/s] that corresponds to 1 in the unit of the text.
+    unit : unit of the text.
     """
-    number = text.removesuffix(" or more")
-    rest = text[len(number) :]
-    # superscripts of powers of ten are digits as well
-    return f"{number} {unit.name}{rest}" if number[-1:].isdigit() else text
+    return f"up to {number_text(high / factor, 2)}{_behind_number(unit)}"
+
+
+def _behind_number(unit: LeakUnit | None) -> str:
+    """Return a unit with a space before it, "" without a unit."""
+    return "" if unit is None else f" {unit.name}"
 
 
 # --- attempts to reach a requested accuracy ---------------------------------------------------------------------
@@ -346,8 +363,9 @@ def attempt_sentences(attempts: dict[str, Any]) -> list[str]:
         sentences.append(f"It is limited by the {attempts['limit']}, most at {attempts['load']}.")
     if attempts["why"]:
         sentences.append(f"No further attempt: {attempts['why']}.")
-    is_known_to_fail = attempts["why"] and attempts["half_error"].startswith("not possible")
-    if has_error and not is_known_to_fail:
+    # the reason why there was no further attempt says already why the error cannot be halved
+    is_reason_stated = attempts["why"] and not attempts.get("can_halve_error", True)
+    if has_error and not is_reason_stated:
         sentences.append(f"Half the error: {attempts['half_error']}.")
     return sentences
 
@@ -425,7 +443,7 @@ def contents(run: Results) -> dict[str, str]:
     steps = run.steps
     unit, factor = run.leak_scale
     leakage_at_peak = run.leakage.values[run.peak]
-    leakage_text = with_leak_unit(format_leakage(leakage_at_peak, factor), unit)
+    leakage_text = format_leakage(leakage_at_peak, factor, unit)
     peak_text = to_text(steps[run.peak].pressure, "Pa")
     facts = {
         "leakage": f"at {peak_text}: {leakage_text} ({run.method})",

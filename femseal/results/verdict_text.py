@@ -15,7 +15,7 @@ from ..base.leak_units import LEAK_UNITS, LeakUnit
 from .load_steps import force_scale, load_format
 from .measures import HEIGHTS, LOAD_INCREASE, best_narrowing, lowering
 from .results import Results
-from .tables import format_interval, format_leakage, half_width_text, with_leak_unit
+from .tables import format_interval, format_leakage, format_upper_end, half_width_text
 from .verdict import (
     INTERVAL,
     LeakageCurve,
@@ -125,7 +125,7 @@ class _Answer:
             return f"unknown, as {why_unknown(self.results, step)}"
         chosen = unit or self.usual_unit(leakage)
         factor = self.results.class_basis.factor(chosen)
-        return with_leak_unit(format_leakage(leakage, factor), chosen)
+        return format_leakage(leakage, factor, chosen)
 
     def assembly_leakage(self, unit: LeakUnit | None = None) -> str:
         """Return the leakage at the assembly load with its 95 % interval, as text."""
@@ -143,9 +143,11 @@ class _Answer:
         if not self.curve.has_interval:
             return f"{text} (without an interval)"
         factor = self.results.class_basis.factor(chosen)
-        ends = with_leak_unit(format_interval(lower, upper, factor, leakage), chosen)
+        ends = format_interval(lower, upper, factor, leakage, chosen)
         if leakage == 0:
-            return f"none as computed (95 % interval: {ends.replace('sealed–', 'up to ')})"
+            if lower == 0 < upper < inf:
+                ends = format_upper_end(upper, factor, chosen)
+            return f"none as computed (95 % interval: {ends})"
         return f"{text} (95 % interval {ends})"
 
     def mass_per_year(self) -> str:
@@ -259,9 +261,9 @@ class _Answer:
         size = leakage or upper
         unit = basis.usual_unit(size if isfinite(size) else 0.0)
         factor = basis.factor(unit)
-        text = with_leak_unit(format_leakage(leakage, factor), unit)
+        text = format_leakage(leakage, factor, unit)
         if budget is not None and isfinite(leakage):
-            ends = with_leak_unit(format_interval(lower, upper, factor, leakage), unit)
+            ends = format_interval(lower, upper, factor, leakage, unit)
             text += f" (95 % interval {ends})"
         seal = seal_name(results)
         return [f"In service with {name}, the leakage of {seal} as computed there: {text}."]
@@ -318,7 +320,7 @@ class _Answer:
 
         def interval_text(lower: float, upper: float) -> str:
             """Return an interval of the leakage as text, in the unit that suits the leakage."""
-            return with_leak_unit(format_interval(lower, upper, factor, leakage), unit)
+            return format_interval(lower, upper, factor, leakage, unit)
 
         lower, upper = float(self.curve.lower[step]), float(self.curve.upper[step])
         before = interval_text(lower, upper)

@@ -295,6 +295,7 @@ def _results(case: Case, original: Prepared, faces: dict[str, str], run: Run) ->
     attributes = {
         "seat": prepared.seat,
         "face_files": json.dumps(faces),
+        "timed_parts": json.dumps(run.parts),
         "solids": solids_text(case),
         "description": json.dumps(description, ensure_ascii=False),
         "chosen": json.dumps(_settings(case, original)),

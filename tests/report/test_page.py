@@ -1,5 +1,6 @@
 """The report: one page that stands by itself, says what the dataset says, and can be read everywhere."""
 
+import json
 import re
 import shutil
 import subprocess
@@ -193,6 +194,14 @@ def test_times_and_warnings(scene, studies):
     ]
     listed = [words(item) for item in section(page, "warnings").iter("li")]
     assert listed[-2:] == ["cell <b>3</b> failed", "cell 4 failed"]
+
+
+def test_a_part_of_a_run_may_have_any_name(scene, studies):
+    timings = {"blocks: all": 3.0, "blocks: all: contact": 2.0}
+    facts = RunFacts(timings=timings, attributes={"timed_parts": json.dumps(["blocks: all"])})
+    page = report_html(assemble(scene, studies["two_scale"], facts=facts))
+    rows = body_rows(section(page, "time").find("table"))
+    assert [(name, share) for name, _, share in rows] == [("blocks: all", "100 %")]
 
 
 @pytest.mark.parametrize(

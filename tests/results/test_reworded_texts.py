@@ -15,6 +15,7 @@ from femseal.results import RunFacts, assemble
 from femseal.results.class_loads import common_load_text
 from femseal.results.dataset_file import save
 from femseal.results.load_steps import ForceScale, LoadFormat, force_scale, given_loads
+from femseal.results.tables import attempt_sentences
 from femseal.seal.layouts import AnnularLayout, RectangularLayout
 
 
@@ -86,3 +87,16 @@ def test_a_file_without_the_kind_of_its_seal_can_be_read(study, tmp_path):
     save(replace(results, dataset=older), tmp_path)
     # without realisations, the seal is a strip
     assert fs.open_results(tmp_path).dataset.attrs["seal_kind"] == "rectangular"
+
+
+@pytest.mark.parametrize("can_halve", [True, False])
+def test_the_reason_of_the_last_attempt_is_not_repeated(can_halve):
+    attempts = {
+        "wanted": 0.1,
+        "reached": False,
+        "half_width": 0.2,
+        "limit": "pixels",
+        "load": "300 MPa",
+    }
+    attempts |= {"why": "no memory", "half_error": "no memory", "can_halve_error": can_halve}
+    assert ("Half the error: no memory." in attempt_sentences(attempts)) == can_halve
