@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, Flags, InputError, Shape, reals, to_text
-from ..store.code import NoDigest
-from ..store.digests import digest
+from ..store.digests import NoDigest, digest
 from .curve_pieces import CurvePieces
 
 #: Largest number of steps of Newton's method, or of bisection, for the projection on a curved law.
@@ -262,11 +261,11 @@ class ContactLaw:
         return YieldLine(hardness, slope)
 
     def key(self) -> str:
-        """Return a text that identifies the law by its parameters and its code."""
+        """Return a text that identifies the law by its class and its parameters."""
         try:
             return digest(self)
         except NoDigest:
-            # for example because of an object from C code; the law is then only equal to itself
+            # the class is not part of femseal or of an installed package; the law is then only equal to itself
             return f"{type(self).__qualname__} {id(self)}"
 
     def __str__(self) -> str:

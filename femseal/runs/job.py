@@ -60,8 +60,7 @@ from ..refinement.refine_to_accuracy import (
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
 from ..results.dataset_file import FILE_NAME
-from ..store.code import NoDigest, is_known
-from ..store.digests import digest
+from ..store.digests import is_known
 from ..store.store import Store
 from ..studies import FluidState, OtherLeakage, StochasticResult, drop_ratio
 from ..studies.compiling import compile_ahead
@@ -383,19 +382,14 @@ def face_files(case: Case) -> dict[str, str]:
 
 
 def user_code(case: Case) -> dict[str, str]:
-    """Compute a digest of the code of user-defined classes in a case: fluids, seal shapes, seats and forms.
+    """Distinguish runs whose case contains user-defined classes: fluids, seal shapes, seats and forms.
 
-    The dictionary is empty if the case contains no user-defined classes. If a digest cannot be computed, each call
-    returns a different value, so that no earlier result is reused.
+    The dictionary is empty if the case contains no user-defined classes. Otherwise, its value differs in each call, so
+    that no earlier result is reused: the code of such a class may have changed.
     """
-    makers = [maker for maker in makers_in(case) if not is_known(maker.__module__)]
-    if not makers:
+    if all(is_known(maker.__module__) for maker in makers_in(case)):
         return {}
-    try:
-        code = digest(makers)
-    except NoDigest as error:
-        code = f"unknown ({error}), {uuid4().hex}"
-    return {"code of registered classes": code}
+    return {"code of registered classes": uuid4().hex}
 
 
 @contextmanager
@@ -505,7 +499,7 @@ def refuse_finished(folder: Path, case: Case | None = None) -> None:
 
 
 def _settings(case: Case, original: Prepared) -> dict[str, Any]:
-    """Return the settings that the program chooses for a case, and a digest of user-defined classes.
+    """Return the settings that the program chooses for a case, and an entry for user-defined classes.
 
     If the case requests an accuracy, the settings of the first attempt are returned.
     """

@@ -1,14 +1,32 @@
-"""Compute digests of plain data, of the content of files, and of code."""
+"""Compute digests of plain data, of the content of files, and of functions and objects of known modules.
+
+The code of Python, of femseal and of installed packages is known: a name and a version identify it. Code that somebody
+else has written has no digest, because it may change without a change of its name. If a result depends on such code, it
+is neither read from the store nor written to it.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+import sys
+from dataclasses import fields, is_dataclass
+from functools import cache, partial
+from importlib.metadata import packages_distributions, version
+from operator import attrgetter
 from pathlib import Path
+from types import MethodType
 from typing import Any
 
-from .code import CodeDescription, NoDigest
 from .plain_data import describe
+
+_PACKAGE = __name__.partition(".")[0]
+#: Folders of installed packages.
+_INSTALLED = {"site-packages", "dist-packages"}
+
+
+class NoDigest(TypeError):
+    """Report that a value has no digest, because it cannot be described by plain data and names of known code."""
 
 
 def digest(value: Any) -> str:
@@ -16,9 +34,8 @@ def digest(value: Any) -> str:
 
     Parameters
     ----------
-    value : plain data (see `femseal.store.plain_data`), file paths, user-defined functions, classes and objects, or
-    tuples, lists and dictionaries of such values. A path is represented by the content of the file. A user-defined
-    function, class or object is represented by a description of its code, see `femseal.store.code`.
+    value : plain data (see `femseal.store.plain_data`), file paths, known functions, classes and dataclasses, or
+    tuples, lists and dictionaries of such values. A path is represented by the content of the file.
 
     Returns
     -------
@@ -26,8 +43,8 @@ def digest(value: Any) -> str:
 
     Raises
     ------
-    NoDigest : a part of the value cannot be described, for example an object of a class written in C, or the path of an
-    unreadable file.
+    NoDigest : a part of the value cannot be described, for example a function that is not in a known module, or the
+    path of an unreadable file.
 
     Examples
     --------
@@ -36,7 +53,6 @@ def digest(value: Any) -> str:
     """
     state = hashlib.blake2b(digest_size=16)
     size = 0
-    describe_code = CodeDescription()
 
     def append(data: bytes) -> int:
         """Add bytes to the digest, and return the position of the first added byte."""
@@ -46,18 +62,72 @@ def digest(value: Any) -> str:
         size += len(data)
         return start
 
-    def substitute(part: Any) -> Any:
-        """Describe a part of the value that is not plain data."""
-        if isinstance(part, Path):
-            return "file", _digest_of_file(part)
-        return describe_code(part)
-
     try:
-        description = describe(value, append, substitute)
+        description = describe(value, append, _describe_other)
     except RecursionError:
         raise NoDigest("an object that contains itself") from None
     state.update(json.dumps(description).encode())
     return state.hexdigest()
+
+
+def is_known(module: str) -> bool:
+    """Return whether the name and the version of a module identify its code.
+
+    Modules of Python, of femseal and of installed packages are identified by name and version. Name and version do not
+    identify a package installed in editable mode.
+    """
+    return _origin(module) is not None
+
+
+def _origin(module: str) -> str | None:
+    """Return the version of the package that installed a module, or None if no package did.
+
+    The returned version is "" for modules of Python and femseal, because their versions are already part of every key
+    in a store.
+    """
+    top = module.partition(".")[0]
+    if top == _PACKAGE or top in sys.stdlib_module_names:
+        return ""
+    file = getattr(sys.modules.get(top), "__file__", None)
+    if file is None or _INSTALLED.isdisjoint(Path(file).parts):
+        return None
+    return _installed_version(top)
+
+
+@cache
+def _installed_version(top: str) -> str | None:
+    """Return the names and versions of the packages that contain a top-level module, or None if there are none."""
+    names = packages_distributions().get(top, [])
+    return ", ".join(f"{name} {version(name)}" for name in sorted(names)) or None
+
+
+def _describe_other(value: Any) -> Any:
+    """Describe a value that is not plain data by a tuple of values that still have to be described."""
+    if isinstance(value, Path):
+        return "file", _digest_of_file(value)
+    if isinstance(value, partial):
+        return "partial", value.func, value.args, value.keywords
+    if isinstance(value, MethodType):
+        return "method", value.__func__, value.__self__
+    if isinstance(value, tuple):  # an object of a class that is derived from tuple
+        return "items", type(value), *value
+    if is_dataclass(value) and not isinstance(value, type):
+        return "object", type(value), *(getattr(value, field.name) for field in fields(value))
+    return _describe_name(value)
+
+
+def _describe_name(value: Any) -> Any:
+    """Describe a function or a class by the name under which its module defines it, and by its version."""
+    module = getattr(value, "__module__", None)
+    name = getattr(value, "__qualname__", None)
+    try:
+        defined = attrgetter(name)(sys.modules[module])  # type: ignore[type-var, index]
+        origin = _origin(str(module))
+    except (AttributeError, KeyError, TypeError):  # such as a lambda, or an object of a class in C
+        raise NoDigest(f"{type(value).__qualname__} {name}") from None
+    if origin is None or getattr(defined, "__func__", defined) is not value:
+        raise NoDigest(f"{type(value).__qualname__} {name}")
+    return "named", module, name, origin
 
 
 def _digest_of_file(path: Path) -> bytes:

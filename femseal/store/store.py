@@ -28,8 +28,7 @@ from uuid import uuid4
 
 from ..base import Mapper, NotKept, Stage, numerical_versions
 from ..base.files import opened_plain
-from .code import NoDigest
-from .digests import digest
+from .digests import NoDigest, digest
 from .plain_data import packed, unpacked
 
 log = logging.getLogger("femseal.store")

@@ -154,8 +154,7 @@ def test_results_by_other_code_of_a_registered_fluid_are_not_taken(
     out = tmp_path / "out"
     monkeypatch.setitem(FLUIDS, "liquid", registered_liquid(1.0))
     first = fs.run(case, out, workers=1)
-    former = user_code(fs.load_case(case))
-    assert fs.run(case, out, workers=1, resume=True).leakage.identical(first.leakage)
+    assert user_code(fs.load_case(case)) != user_code(fs.load_case(case))
     monkeypatch.setitem(FLUIDS, "liquid", registered_liquid(2.0))
     second = fs.run(case, out, workers=1, resume=True)
     assert_allclose(second.leakage, first.leakage / 2, rtol=1e-9)
@@ -163,8 +162,6 @@ def test_results_by_other_code_of_a_registered_fluid_are_not_taken(
         patch.setattr("femseal.report.pictures.leakage_figure", lambda *given, **more: 1 / 0)
         with pytest.raises(fs.FemsealError):
             fs.run(case, tmp_path / "interrupted", workers=1)
-    monkeypatch.setitem(FLUIDS, "liquid", registered_liquid(1.0))
-    assert user_code(fs.load_case(case)) == former
     with pytest.raises(fs.InputError, match=r"another case.*\n.*code of registered classes"):
         fs.run(case, tmp_path / "interrupted", workers=1, resume=True)
 

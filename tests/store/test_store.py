@@ -18,15 +18,10 @@ import femseal as fs
 from femseal.base import Stage, numerical_versions
 from femseal.face.cell_flow import SolveCounts
 from femseal.store import store
-from femseal.store.code import NoDigest
-from femseal.store.digests import digest
+from femseal.store.digests import NoDigest, digest
 from femseal.store.store import SUFFIX, Store
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-
-
-def _length(values):
-    return len(values)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -158,7 +153,7 @@ def test_what_has_no_digest_or_is_no_data_is_computed_and_not_kept(tmp_path):
         mapper = kept.over(map)
         assert list(mapper(Stage("bound", "-".join), [["a", "b"]])) == ["a-b"]
         assert list(mapper(Stage("types", type), [1, 1, "a"])) == [int, int, str]
-        assert list(mapper(Stage("lengths", _length), [range(2), (1,)])) == [2, 1]
+        assert list(mapper(Stage("lengths", len), [range(2), (1,)])) == [2, 1]
         assert len(kept) == 1
 
 
