@@ -34,7 +34,7 @@ from ..case.template import as_toml, bare_key
 from ..plots.drawing import LEGEND_LINE, LINES, LOADS, Sheet, add_grid, legend_below, shows
 from ..plots.leakage_panels import LeakageCurves, leakage_panel
 from ..plots.style import GREY, STYLES, rendered_formats
-from ..results.load_steps import ForceScale, branch_text, pressures_and_peaks
+from ..results.load_steps import AS_PRESSURES, LoadFormat, branch_text, pressures_and_peaks
 from ..results.tables import format_leakage
 from .leak_test import BELOW, LeakTest
 from .posterior import PROBABILITY, UNITS, Estimate, Posterior
@@ -377,6 +377,9 @@ def calibration_figure(calibration: Calibration) -> Figure:
     test = calibration.test
     pressure, peaks = pressures_and_peaks(test.steps)
     unit, unit_in_si = _AXIS_UNITS[calibration.load_unit]
+    loads = AS_PRESSURES
+    if calibration.load_unit != "Pa":
+        loads = LoadFormat(unit, 1 / unit_in_si)
     # the rows on unloading in falling order of the pressure, then the rows on loading in rising order
     order = np.argsort(np.where(np.isnan(peaks), pressure, -pressure))
     low, median, high = calibration.curve[:, order]
@@ -388,7 +391,7 @@ def calibration_figure(calibration: Calibration) -> Figure:
         band=(low, high),
         band_name=_interval_name(),
         scale=(1.0, f"leakage [{test.unit.name}]"),
-        force=None if calibration.load_unit == "Pa" else ForceScale(unit, 1 / unit_in_si),
+        loads=loads,
     )
     # the legend has a line for each branch, for the interval, and for each of two kinds of measured points
     legend_height = LEGEND_LINE * (len(curves.branches) + 3)

@@ -22,8 +22,7 @@ from ..fluids import leak_basis
 from ..results import Results, open_results
 from ..results.class_fluid import class_fluid
 from ..results.leakage_classes import class_limits
-from ..results.load_steps import force_scale, given_loads
-from ..results.verdict_text import short_loads
+from ..results.load_steps import given_loads, load_format
 from ..runs import job
 from .data_sheet import Design
 from .requirements import Requirement, Seals, requirement, sealing_load
@@ -205,11 +204,11 @@ def _as_pressures(results: Results, loads: list[float]) -> list[float]:
 
     loads : in the SI unit of the loads of the case, which is Pa, N or N/m.
     """
-    scale = force_scale(results.dataset)
-    if scale is None:
+    unit, per_pascal, _digits = load_format(results.dataset)
+    if not unit:
         return loads
-    unit_in_si = 1.0 if scale.unit == "N" else 1e3  # the other unit is N/mm
-    load_per_pascal = scale.per_pascal * unit_in_si
+    unit_in_si = 1.0 if unit == "N" else 1e3  # the other units are kN and N/mm
+    load_per_pascal = per_pascal * unit_in_si
     return [load / load_per_pascal for load in loads]
 
 
@@ -317,7 +316,7 @@ def _note_on_load(load: _Load, results: Results) -> list[str]:
     """Write a note if the sensitivities had to be computed at a load other than Qmin."""
     if load.replaced is None:
         return []
-    load_text = short_loads(results)
+    load_text = load_format(results.dataset, 3).short
     needed = load.replaced.assembly.at
     if load.pressure < needed:
         which = "the highest load at which the seal leaks as computed"

@@ -33,7 +33,7 @@ from ..plots.style import GREY, branch_styles, rendered_formats
 from ..report import write_report
 from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset_file import FILE_NAME
-from ..results.load_steps import force_scale, load_format, pressures_and_peaks
+from ..results.load_steps import load_format, pressures_and_peaks
 from ..results.results import Results
 from ..results.sealing_index import SealingIndex, indices_of_limits
 from ..results.tables import kind_of
@@ -43,7 +43,7 @@ from ..results.verdict import (
     Verdict,
     verdicts_of,
 )
-from ..results.verdict_text import required_loads, short_loads, verdict_lines, verdict_table
+from ..results.verdict_text import required_loads, verdict_lines, verdict_table
 from .index_table import index_rows, index_sentence, index_table
 from .requirements import ENDS, Requirement, Seals
 from .sensitivities import Sensitivity
@@ -263,7 +263,7 @@ def design_figure(answer: Design) -> Figure:
         band=band,
         band_name=band_name,
         scale=(scale, f"{kind_of(unit)} [{unit.name}]"),
-        force=force_scale(answer.results.dataset),
+        loads=load_format(answer.results.dataset),
     )
     # besides the unloadings: loading, interval, Qmin, QSmin, the bar of their intervals, and a margin of one entry
     n_entries = len(seals.steps.unload_from) + 6
@@ -279,7 +279,7 @@ def design_figure(answer: Design) -> Figure:
     handles = leakage_panel(axes, curves)
     _extend_to_limits(axes, list(limits.values()))
     limit_lines(axes, limits)
-    _, load_factor = curves.load_scale
+    _, load_factor = curves.loads.axis
     handles += _mark_needed_pressures(axes, answer, scale, load_factor)
     legend_below(sheet.figure, handles)
     return sheet.figure
@@ -381,7 +381,7 @@ def _columns_of_realisations(answer: Design) -> list[tuple[str, list[str]]]:
     """
     if answer.seals.count == 1:
         return []
-    load_text = short_loads(answer.results)
+    load_text = load_format(answer.results.dataset, 3).short
     texts = [
         need.for_fraction.words(need.for_fraction.value, load_text) for need in answer.requirements
     ]
@@ -398,7 +398,7 @@ def _columns_of_relaxation(answer: Design) -> list[tuple[str, list[str]]]:
     relaxation = answer.relaxation
     if not relaxation:
         return []
-    load_text = short_loads(answer.results)
+    load_text = load_format(answer.results.dataset, 3).short
     needs = answer.requirements
     texts = [need.relaxed.text(load_text) if need.relaxed else "" for need in needs]
     columns = [(f"Qmin(L), {100 * relaxation:.3g} % relaxation", texts)]

@@ -12,9 +12,10 @@ import numpy as np
 
 from ..base import Array, Flags, Indices, InputError, Pair
 from ..flow.law import cubic_law
-from ..results.load_steps import branches, force_scale
+from ..results.load_steps import branches, load_format
 from ..results.results import Results
-from .drawing import LINES, Sheet, add_grid, figure_of, label_decades
+from .drawing import LINES, Sheet, add_grid, label_decades, panel_size
+from .map_panels import add_colour_bar
 from .style import GREY, sequential_colours, styled
 
 if TYPE_CHECKING:
@@ -31,8 +32,8 @@ _AXES_HEIGHT, _LOADS_HEIGHT = 2.3, 0.62
 _MOST_VECTOR_POINTS = 2000
 #: Width of the label of a load that is upright [inch].
 _LABEL_WIDTH = 0.115
-#: Distance of the bar with the colours of the loads from the panel, and its height [inch].
-_LOAD_BAR_DISTANCE, _LOAD_BAR_HEIGHT = 0.02, 0.075
+#: Distance of the bar with the colours of the loads from the panel [inch].
+_LOAD_BAR_DISTANCE = 0.02
 #: Width of a character in the labels of the bar with the colours of the loads [inch].
 _CHARACTER_WIDTH = 0.07
 #: The axis of pressures is linear below this fraction of the lowest load, so that it begins at 0.
@@ -122,34 +123,23 @@ def _add_load_bar(axes: Axes, cells: _CellValues, results: Results) -> None:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
-    force = force_scale(results.dataset)
-    name, scale = "nominal pressure [MPa]", 1e-6
-    if force is not None:
-        name, scale = f"force [{force.unit}]", force.per_pascal
+    name, scale = load_format(results.dataset).axis
     count = len(cells.loads)
     # load n has the colours from n - 1/2 to n + 1/2
     norm = BoundaryNorm(np.arange(count + 1) - 0.5, count)
-    figure = figure_of(axes)
-    width, height = axes.get_position().size * figure.get_size_inches()
-    # left, bottom, width and height, as fractions of the axes
-    bottom = 1 + (LINES.top + _LOAD_BAR_DISTANCE) / height
-    bar_axes = axes.inset_axes((0.0, bottom, 1.0, _LOAD_BAR_HEIGHT / height))
-    bar = figure.colorbar(
-        ScalarMappable(norm, ListedColormap(cells.colours)), cax=bar_axes, orientation="horizontal"
-    )
+    colours = ScalarMappable(norm, ListedColormap(cells.colours))
+    bar = add_colour_bar(axes, colours, name, LINES.top + _LOAD_BAR_DISTANCE, loc="center")
+    width = panel_size(axes)[0]
     # every first, second, third, … load is labelled, beginning with the highest
     every = int(np.ceil(count * _LABEL_WIDTH / width))
     # indices of the labelled loads, in increasing order
     labelled = np.arange(count)[::-every][::-1]
     labels = [f"{scale * load:.4g}" for load in cells.loads[labelled]]
     bar.set_ticks(labelled, labels=labels)
-    bar_axes.minorticks_off()
-    bar_axes.xaxis.set_ticks_position("top")
-    bar_axes.xaxis.set_label_position("top")
+    bar.ax.minorticks_off()
     longest_label = _CHARACTER_WIDTH * max(map(len, labels))  # inch
     is_crowded = longest_label > width * every / count
-    bar_axes.tick_params(labelrotation=90 if is_crowded else 0)
-    bar.set_label(name)
+    bar.ax.tick_params(labelrotation=90 if is_crowded else 0)
 
 
 def _cell_values(results: Results) -> _CellValues:

@@ -105,6 +105,11 @@ def figure_of(axes: Axes) -> Figure:
     return axes.get_figure(root=True)  # type: ignore[return-value]
 
 
+def panel_size(axes: Axes) -> Array:
+    """Return the width and the height of the axes [inch]."""
+    return np.asarray(axes.get_position().size * figure_of(axes).get_size_inches())
+
+
 def legend_below(
     figure: Figure,
     handles: Sequence[Any],
@@ -199,8 +204,7 @@ def _place_load_labels(axes: Axes, loads: Array) -> None:
     """
     from matplotlib.transforms import ScaledTranslation
 
-    figure = figure_of(axes)
-    width = figure.get_figwidth() * axes.get_position().width  # inch
+    width = panel_size(axes)[0]
     to_axes_fraction = axes.transScale + axes.transLimits
     positions = width * to_axes_fraction.transform([(load, 1.0) for load in loads])[:, 0]
     font_size = axes.xaxis.get_major_ticks()[0].label1.get_fontsize() / 72  # inch
@@ -220,7 +224,9 @@ def _place_load_labels(axes: Axes, loads: Array) -> None:
     for tick, shift in zip(axes.xaxis.get_major_ticks(), moved - positions, strict=True):
         pad = tick.get_pad() + tick.get_tick_padding()
         transform, _, _ = axes.get_xaxis_text1_transform(pad)
-        tick.label1.set_transform(transform + ScaledTranslation(shift, 0, figure.dpi_scale_trans))
+        tick.label1.set_transform(
+            transform + ScaledTranslation(shift, 0, figure_of(axes).dpi_scale_trans)
+        )
 
 
 def spread(positions: Array, distance: float) -> Array:

@@ -14,10 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, Flags, Pair, counted, to_text
-from ..results.variables import block_means
 from ..topography import SPIKES, Conditioning, Patches, Surface, SurfaceReport, Topography
 from .drawing import LINES, MAP, Sheet, add_grid, label_decades, length_unit, shows
-from .map_panels import add_key, draw_map, map_dpi, map_row_height, on_its_side, to_image
+from .map_panels import (
+    add_key,
+    add_shade,
+    draw_map,
+    is_turned,
+    map_dpi,
+    map_row_height,
+    reduced,
+    to_image,
+)
 from .style import GREY, STYLES, styled
 
 if TYPE_CHECKING:
@@ -28,8 +36,6 @@ if TYPE_CHECKING:
 _PANEL_HEIGHT = 1.9
 #: Margins of a panel whose vertical axis has a name of two lines.
 _TWO_LINES = replace(LINES, left=LINES.left + 0.1)
-#: Largest number of points of a map along each side. Maps of more points show means over blocks of points.
-MOST_POINTS = 1024
 #: The colour scale covers at least the heights between these percentiles.
 _PERCENTILES = (0.5, 99.5)
 #: The colour scale can extend beyond each percentile by this fraction of the distance between the two percentiles.
@@ -102,11 +108,9 @@ def draw_heights(axes: Axes, heights: NDArray, size: Pair, name: str = "height [
         (True, True): "both",
     }
     colours.colorbar_extend = extensions[fraction_above > 0, fraction_below > 0]  # type: ignore[assignment]
-    unit, unit_name = length_unit(max(size))
-    in_unit = (size[0] / unit, size[1] / unit)
-    draw_map(axes, heights, in_unit, colours, name, unit_name, vmin=low, vmax=high)
+    draw_map(axes, heights, size, colours, name, vmin=low, vmax=high)
     if min(heights.shape) > 1:
-        _draw_relief(axes, to_image(heights, in_unit))
+        _draw_relief(axes, to_image(heights, size))
     key = {}
     if fraction_above:
         key[f"{100 * fraction_above:.2g} % above"] = ABOVE
@@ -121,8 +125,7 @@ def _draw_relief(axes: Axes, heights: NDArray) -> None:
 
     heights : heights in the orientation of the picture, (row, column), with the lowest row of the picture first.
     """
-    image = axes.images[0]
-    left, right, bottom, top = image.get_extent()
+    left, right, bottom, top = axes.images[0].get_extent()
     spacing = (top - bottom) / heights.shape[0], (right - left) / heights.shape[1]
     slope_up, slope_right = np.gradient(heights, *spacing)
     rms_slope = (
@@ -137,13 +140,9 @@ def _draw_relief(axes: Axes, heights: NDArray) -> None:
     light = outwards - to_right * slope_right - upwards * slope_up
     light /= np.sqrt(1 + slope_right**2 + slope_up**2)
     difference = np.nan_to_num(light - outwards)  # 0 on a level surface
-    shade = np.zeros((*heights.shape, 4), dtype=np.float32)  # red, green, blue, opacity
     # white where the light is brighter than on a level surface, black elsewhere
-    shade[..., :3] = (difference > 0)[..., None]
-    shade[..., 3] = np.clip(np.abs(difference), 0, _MOST_SHADE)
-    axes.imshow(
-        shade, origin="lower", extent=image.get_extent(), interpolation=image.get_interpolation()
-    )
+    is_bright = (difference > 0)[..., None]
+    add_shade(axes, is_bright, np.clip(np.abs(difference), 0, _MOST_SHADE))
 
 
 @shows(Topography)
@@ -161,10 +160,8 @@ def heights_figure(topography: Surface) -> Figure:
     -------
     Figure
     """
-    heights = topography.heights
-    if max(heights.shape) > MOST_POINTS:
-        heights = block_means(heights, MOST_POINTS).astype(float)
-    row_heights = [map_row_height(on_its_side(topography.size)), _PANEL_HEIGHT, _PANEL_HEIGHT]
+    heights = reduced(topography.heights)
+    row_heights = [map_row_height(topography.size), _PANEL_HEIGHT, _PANEL_HEIGHT]
     sheet = Sheet(row_heights, dpi=map_dpi(heights.shape))
     draw_heights(sheet.panel(0, MAP), heights * 1e6, topography.size)
     _draw_profiles(sheet.panel(1, LINES), topography)
@@ -254,7 +251,7 @@ def survey_figure(
     if topography.undefined_fraction < 1:
         measured = topography.detrend(detrend)
     n_lines = 1 if report is None else 3
-    row_heights = [map_row_height(on_its_side(measured.size)), *[_PANEL_HEIGHT] * n_lines]
+    row_heights = [map_row_height(measured.size), *[_PANEL_HEIGHT] * n_lines]
     sheet = Sheet(row_heights, head=0.3, dpi=map_dpi(measured.shape))
     _draw_measured_map(sheet.panel(0, MAP), measured, is_spike)
     _draw_histogram(sheet.panel(1, _TWO_LINES), measured)
@@ -282,8 +279,7 @@ def _draw_measured_map(axes: Axes, measured: Topography, is_spike: Flags) -> Non
     unit, _ = length_unit(max(measured.size))
     x1 = (i + 0.5) * measured.spacing[0] / unit
     x2 = (j + 0.5) * measured.spacing[1] / unit
-    is_turned = on_its_side(measured.size) != tuple(measured.size)
-    points = (x2, x1) if is_turned else (x1, x2)
+    points = (x2, x1) if is_turned(measured.size) else (x1, x2)
     limits = axes.get_xlim(), axes.get_ylim()
     axes.plot(*points, "o", color="#D55E00", mec="white", mew=0.3, ms=2.5)
     axes.set(xlim=limits[0], ylim=limits[1])

@@ -11,7 +11,7 @@ import numpy as np
 from ..base import Array, InputError
 from ..base.leak_units import leakage_unit
 from ..results.best_leakage import METHODS
-from ..results.load_steps import force_scale, pressures_and_peaks
+from ..results.load_steps import AS_PRESSURES, load_format, pressures_and_peaks
 from ..results.results import Results
 from ..results.tables import class_unit, kind_of, leakage_of
 from ..results.verdict import LeakageCurve, deciding_fluid
@@ -34,7 +34,7 @@ def _draw_curves(curves: LeakageCurves, ax: Axes | None, label: str | None) -> F
     """Draw leakage curves into a new figure, or add them to existing axes."""
     if ax is not None:
         # all results in the same axes must have the same unit
-        in_common_unit = replace(curves, scale=COMMON_SCALE, force=None, limits={})
+        in_common_unit = replace(curves, scale=COMMON_SCALE, loads=AS_PRESSURES, limits={})
         leakage_panel(ax, in_common_unit, f"{label or curves.title}, ")
         ax.legend(framealpha=0.9, edgecolor="none", fontsize="small", handlelength=2.8)
         return figure_of(ax)
@@ -173,7 +173,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
         other_methods=other_methods,
         limits=limits,
         scale=_run_scale(results),
-        force=force_scale(data),
+        loads=load_format(data),
     )
 
 
@@ -215,7 +215,7 @@ def leak_test_figure(results: Results) -> Figure:
         band_name=_INTERVAL,
         limits=_class_limits(data),
         scale=(results.class_basis.factor(unit), axis_name),
-        force=force_scale(data),
+        loads=load_format(data),
     )
     return _draw_curves(curves, None, None)
 

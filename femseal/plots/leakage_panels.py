@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array, Indices
-from ..results.load_steps import ForceScale, branches
+from ..results.load_steps import AS_PRESSURES, LoadFormat, branches
 from .drawing import add_grid, label_decades, set_load_axis
 from .style import GREY, branch_styles
 
@@ -63,9 +63,8 @@ class LeakageCurves:
         Limits of leakage classes [m²/s], keyed by class name.
     scale : pair (float, str)
         Unit of the leakage axis [m²/s], and the name of the axis, which includes the name of the unit.
-    force : ForceScale, optional
-        Unit of force, and the force in this unit for a nominal pressure of 1 Pa. None if the loads of the case are
-        nominal pressures.
+    loads : LoadFormat
+        How the loads are written: as forces, or by default as nominal pressures.
     """
 
     pressure: Array
@@ -77,7 +76,7 @@ class LeakageCurves:
     other_methods: dict[str, Array] = field(default_factory=dict)
     limits: dict[str, float] = field(default_factory=dict)
     scale: tuple[float, str] = COMMON_SCALE
-    force: ForceScale | None = None
+    loads: LoadFormat = AS_PRESSURES
 
     @property
     def branches(self) -> list[tuple[str, Indices]]:
@@ -85,23 +84,7 @@ class LeakageCurves:
 
         The name of an unloading branch contains the peak load, for example "unloading from 300 MPa".
         """
-        loading, *unloadings = branches(self.pressure, self.peaks)
-        if self.force is None:
-            return [loading, *unloadings]
-        unit, factor = self.force
-        named_by_force = []
-        for _, steps in unloadings:
-            peak_force = factor * self.pressure[steps[0]]
-            named_by_force.append((f"unloading from {peak_force:.4g} {unit}", steps))
-        return [loading, *named_by_force]
-
-    @property
-    def load_scale(self) -> tuple[str, float]:
-        """Name of the load axis, and the factor that converts a nominal pressure [Pa] to the unit of the axis."""
-        if self.force is None:
-            return "nominal pressure [MPa]", 1e-6
-        unit, factor = self.force
-        return f"force [{unit}]", factor
+        return branches(self.pressure, self.peaks, self.loads)
 
     @property
     def range(self) -> Array:
@@ -163,7 +146,7 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
         Handles for a legend.
     """
     factor, leakage_name = curves.scale
-    load_name, load_factor = curves.load_scale
+    load_name, load_factor = curves.loads.axis
     load = load_factor * curves.pressure
     present_handles, _labels = axes.get_legend_handles_labels()
     present_leakages = [

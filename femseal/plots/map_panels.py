@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array, Pair
-from .drawing import MAP, Margins, figure_of, label_decades
+from ..results.variables import block_means
+from .drawing import MAP, Margins, figure_of, label_decades, length_unit, panel_size
 from .style import DPI, MOST_DPI, PAGE
 
 if TYPE_CHECKING:
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 CLOSED = "#B0B0B0"
 #: Colour of pockets in maps of the fluid pressure. It is white because the middle of their colour scale is grey.
 POCKET = "#FFFFFF"
+#: Largest number of points of a map along each side. Maps of more points show means over blocks of points.
+MOST_POINTS = 1024
 #: Ratio of height to width above which a map is turned on its side.
 _HIGHEST_UPRIGHT = 1.2
 #: Distance of the colour bar from the map, and its height [inch].
@@ -34,14 +37,14 @@ def draw_map(
     size: Pair,
     colours: Any,
     name: str,
-    unit: str = "mm",
+    unit: str = "",
     *,
     key: Mapping[str, str] | None = None,
     **scale: Any,
 ) -> Any:
     """Draw values over a rectangular face as colours.
 
-    If a face is much longer along x2 than along x1, the map is turned by 90°, see `on_its_side`.
+    If a face is much longer along x2 than along x1, the map is turned by 90°, see `is_turned`.
 
     Parameters
     ----------
@@ -50,13 +53,13 @@ def draw_map(
     values : array (n1, n2)
         Values along x1 and x2.
     size : pair of float
-        Sides of the face along x1 and x2 in `unit`.
+        Sides of the face along x1 and x2, in metres or, if `unit` is given, in this unit.
     colours : colormap or its name
         Colours of the values.
     name : str
         Name of the quantity with its unit, for the colour bar.
     unit : str
-        Unit of length on the axes.
+        Unit of length on the axes, such as "pixels"; by default a unit that suits sides in metres.
     key : mapping of str, optional
         Legend for points without a value: a colour for each explanatory text, for example "contact".
     **scale
@@ -66,8 +69,10 @@ def draw_map(
     -------
     Colorbar
     """
+    if not unit:
+        metres, unit = length_unit(max(size))
+        size = size[0] / metres, size[1] / metres
     width, height = on_its_side(size)
-    is_turned = (width, height) != tuple(size)
     image = axes.imshow(
         to_image(values, size),
         origin="lower",
@@ -77,12 +82,12 @@ def draw_map(
         **scale,
     )
     names = [f"$x_1$, inlet at 0 [{unit}]", f"$x_2$ along the seal [{unit}]"]
-    if is_turned:
+    if is_turned(size):
         names.reverse()
     axes.set(xlabel=names[0], ylabel=names[1])
     # If a very long map were drawn to scale, it would be too low to be read. Such a map is stretched to `LOWEST_MAP`.
     # The tolerance of 5 % allows for rounding.
-    panel_width, panel_height = axes.get_position().size * figure_of(axes).get_size_inches()
+    panel_width, panel_height = panel_size(axes)
     is_to_scale = width / height < 1.05 * panel_width / panel_height
     aspect = "equal" if is_to_scale or panel_height > 1.05 * LOWEST_MAP else "auto"
     axes.set(aspect=aspect, xlim=(0.0, width), ylim=(0.0, height))
@@ -94,8 +99,28 @@ def draw_map(
 
 def to_image(values: Array, size: Pair) -> Array:
     """Arrange values (n1, n2, …) for `imshow`, so that x1 is horizontal, or vertical if the map is turned by 90°."""
-    is_turned = on_its_side(size) != tuple(size)
-    return values if is_turned else np.swapaxes(values, 0, 1)
+    return values if is_turned(size) else np.swapaxes(values, 0, 1)
+
+
+def add_shade(axes: Axes, colour: Any, opacity: Array) -> None:
+    """Draw a colour with a different opacity at each pixel over the map in the axes.
+
+    colour : red, green and blue, (3,) or for each pixel (row, column, 3).
+    opacity : opacity of the colour from 0 to 1, (row, column), as `to_image` returns it.
+    """
+    shade = np.zeros((*opacity.shape, 4), dtype=np.float32)  # red, green, blue, opacity
+    shade[..., :3] = colour
+    shade[..., 3] = opacity
+    image = axes.images[0]
+    extent, interpolation = image.get_extent(), image.get_interpolation()
+    axes.imshow(shade, origin="lower", extent=extent, interpolation=interpolation)
+
+
+def reduced(values: Array) -> Array:
+    """Average a field (n1, n2) over blocks of points if it has more points than a picture can show."""
+    if max(values.shape) <= MOST_POINTS:
+        return values
+    return block_means(values, MOST_POINTS).astype(float)
 
 
 def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
@@ -104,8 +129,7 @@ def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
     A map with fewer pixels than the panel is not interpolated, so that each pixel keeps a single colour even when a
     vector picture is enlarged. If the map has more pixels than the panel, neighbouring pixels are averaged.
     """
-    figure = figure_of(axes)
-    width, height = axes.get_position().size * figure.get_size_inches() * figure.dpi
+    width, height = panel_size(axes) * figure_of(axes).dpi
     return "none" if max(shape) <= max(width, height) else "auto"
 
 
@@ -115,14 +139,14 @@ def map_dpi(shape: tuple[int, ...], margins: Margins = MAP) -> float:
     return float(np.clip(max(shape) / width, DPI, MOST_DPI))
 
 
-def on_its_side(size: Pair) -> Pair:
-    """Return the width and the height of the map of a face with the sides `size` along x1 and x2.
+def is_turned(size: Pair) -> bool:
+    """Return whether a map is turned by 90°, because it would be tall and narrow with x1 as its horizontal axis."""
+    return bool(size[1] > _HIGHEST_UPRIGHT * size[0])
 
-    If the map would be tall and narrow with x1 as its horizontal axis, the map is turned by 90°.
-    """
-    if size[1] > _HIGHEST_UPRIGHT * size[0]:
-        return size[1], size[0]
-    return size[0], size[1]
+
+def on_its_side(size: Pair) -> Pair:
+    """Return the width and the height of the map of a face with the sides `size` along x1 and x2."""
+    return (size[1], size[0]) if is_turned(size) else (size[0], size[1])
 
 
 def map_row_height(size: Pair, margins: Margins = MAP) -> float:
@@ -131,24 +155,35 @@ def map_row_height(size: Pair, margins: Margins = MAP) -> float:
     The map fills the width of the panel. The height of the map is at least `LOWEST_MAP`, so that a long map can still
     be read, and at most the width of the map.
 
-    size : horizontal and vertical side of the map, in any unit.
+    size : sides of the face along x1 and x2, in any unit.
     """
     width = PAGE - margins.left - margins.right
-    map_height = float(np.clip(width * size[1] / size[0], LOWEST_MAP, width))
-    return map_height + margins.bottom + margins.top
+    map_width, map_height = on_its_side(size)
+    height = float(np.clip(width * map_height / map_width, LOWEST_MAP, width))
+    return height + margins.bottom + margins.top
 
 
-def add_colour_bar(axes: Axes, image: Any, name: str) -> Any:
-    """Add a colour bar above the map, as wide as the map, with the name of the quantity."""
-    figure = figure_of(axes)
-    height = axes.get_position().height * figure.get_figheight()  # inch
+def add_colour_bar(
+    axes: Axes, colours: Any, name: str, distance: float = _BAR_DISTANCE, loc: str = "left"
+) -> Any:
+    """Add a colour bar above a panel, as wide as the panel, with the name of the quantity.
+
+    Parameters
+    ----------
+    axes : axes of the panel.
+    colours : map or other artist with the colours.
+    name : name of the quantity, with its unit.
+    distance : distance of the bar from the panel [inch].
+    loc : position of the name, "left" or "center".
+    """
+    height = panel_size(axes)[1]
     # left, bottom, width and height, as fractions of the axes
-    position = (0.0, 1 + _BAR_DISTANCE / height, 1.0, _BAR_HEIGHT / height)
+    position = (0.0, 1 + distance / height, 1.0, _BAR_HEIGHT / height)
     bar_axes = axes.inset_axes(position)
-    bar = figure.colorbar(image, cax=bar_axes, orientation="horizontal")
+    bar = figure_of(axes).colorbar(colours, cax=bar_axes, orientation="horizontal")
     bar_axes.xaxis.set_ticks_position("top")
     bar_axes.xaxis.set_label_position("top")
-    bar.set_label(name, loc="left")
+    bar.set_label(name, loc=loc)
     if bar_axes.get_xscale() == "log":
         label_decades(bar_axes.xaxis)
     return bar
@@ -167,11 +202,10 @@ def add_key(axes: Axes, key: Mapping[str, str]) -> None:
         Patch(facecolor=colour, edgecolor="black", linewidth=0.4, label=text)
         for text, colour in key.items()
     ]
-    height = axes.get_position().height * figure_of(axes).get_figheight()  # inch
     axes.legend(
         handles=patches,
         loc="lower right",
-        bbox_to_anchor=(1.0, 1 + _KEY_DISTANCE / height),
+        bbox_to_anchor=(1.0, 1 + _KEY_DISTANCE / panel_size(axes)[1]),
         ncols=len(patches),
         handlelength=0.8,
         handleheight=0.8,

@@ -12,19 +12,19 @@ from ..flow import Permeability
 from ..results.load_steps import branches, load_names, pressures_and_peaks
 from ..results.pixel_fields import stored_steps
 from ..results.results import Results
-from ..results.variables import block_means
 from ..seal import Leakage
-from .drawing import LOADS, MAP, Sheet, add_grid, figure_of, length_unit, set_load_axis, shows
-from .heights import MOST_POINTS, draw_heights
+from .drawing import LOADS, MAP, Sheet, add_grid, figure_of, set_load_axis, shows
+from .heights import draw_heights
 from .map_panels import (
     CLOSED,
     POCKET,
     add_key,
+    add_shade,
     colours_with_closed,
     draw_map,
     map_dpi,
     map_row_height,
-    on_its_side,
+    reduced,
     to_image,
 )
 from .pressure_lines import (
@@ -107,7 +107,7 @@ def seal_figure(results: Results, step: int | None = None) -> Figure:
         return realisation_figure(data, step)
     contact_pressure, gap, fluid_pressure = surface_fields(results, step)
     size = sides(data)
-    row_height = map_row_height(on_its_side(size))
+    row_height = map_row_height(size)
     line_margins = pressure_margins(len(leaking_steps(data)), with_range=True)
     sheet = Sheet(
         [row_height] * 3 + [pressure_panel_height(line_margins)],
@@ -136,15 +136,8 @@ def surface_fields(results: Results, step: int) -> list[Array]:
         first = results.pixels(names[0], step).values
         if first.size <= _LARGEST_FIELD:
             others = (results.pixels(name, step).values for name in names[1:])
-            return [_reduced(first), *map(_reduced, others)]
+            return [reduced(first), *map(reduced, others)]
     return [results.dataset[f"face_{name}"].values[step].astype(float) for name in names]
-
-
-def _reduced(field: Array) -> Array:
-    """Average a field over blocks of pixels if the field has more pixels than a map can show."""
-    if max(field.shape) <= MOST_POINTS:
-        return field
-    return block_means(field, MOST_POINTS).astype(float)
 
 
 @styled
@@ -152,7 +145,7 @@ def surface_figure(data: xarray.Dataset) -> Figure:
     """Draw the heights of the surface for which contact and flow were solved."""
     size = sides(data)
     heights = data["face_height"].values
-    sheet = Sheet([map_row_height(on_its_side(size))], dpi=map_dpi(heights.shape))
+    sheet = Sheet([map_row_height(size)], dpi=map_dpi(heights.shape))
     draw_heights(sheet.panel(0, MAP), heights * 1e6, size)
     return sheet.figure
 
@@ -166,7 +159,7 @@ def patch_figure(data: xarray.Dataset) -> Figure:
     size = sides(data, "patch")
     has_gaps = "patch_gap" in data
     heights = data["patch_height"]
-    row_heights = [map_row_height(on_its_side(size))] * (2 if has_gaps else 1)
+    row_heights = [map_row_height(size)] * (2 if has_gaps else 1)
     title = f"patch {heights.attrs['patch']}"
     if has_gaps:
         title += f"; gap at {load_names(data)[default_step(data)]}"
@@ -192,18 +185,16 @@ def sides(data: xarray.Dataset, part: str = "face") -> Pair:
 def _draw_contact_pressure(axes: Axes, pressure: Array, size: Pair) -> None:
     """Draw a map of a contact pressure (n1, n2) [Pa] over a surface with the sides `size` [m]."""
     in_contact = np.where(pressure > 0, pressure, np.nan) / 1e6
-    in_unit, unit = _in_unit(size)
     colours = colours_with_closed("viridis")
     key = {"no contact": CLOSED}
-    draw_map(axes, in_contact, in_unit, colours, "contact pressure [MPa]", unit, key=key, vmin=0)
+    draw_map(axes, in_contact, size, colours, "contact pressure [MPa]", key=key, vmin=0)
 
 
 def _draw_gap(axes: Axes, gap: Array, size: Pair) -> None:
     """Draw a map of a gap (n1, n2) [m] over a surface with the sides `size` [m]."""
     open_gap = np.where(gap > 0, gap, np.nan) * 1e6
-    in_unit, unit = _in_unit(size)
     colours = colours_with_closed("magma")
-    draw_map(axes, open_gap, in_unit, colours, "gap [µm]", unit, key={"contact": CLOSED}, vmin=0)
+    draw_map(axes, open_gap, size, colours, "gap [µm]", key={"contact": CLOSED}, vmin=0)
 
 
 def _draw_fluid_pressure_and_flow(axes: Axes, pressure: Array, gap: Array, size: Pair) -> None:
@@ -213,20 +204,13 @@ def _draw_fluid_pressure_and_flow(axes: Axes, pressure: Array, gap: Array, size:
     """
     from matplotlib.colors import to_rgb
 
-    in_unit, unit = _in_unit(size)
     colours = colours_with_closed("cividis", POCKET)
-    draw_map(axes, pressure / 1e6, in_unit, colours, "fluid pressure [MPa]", unit)
+    draw_map(axes, pressure / 1e6, size, colours, "fluid pressure [MPa]")
     key = {"contact, pockets": POCKET}
     flow = relative_flow(gap, pressure, size)
     if flow.any():
         key["flow"] = _FLOW
-        shade = np.zeros((*flow.shape, 4), dtype=np.float32)  # red, green, blue, opacity
-        shade[..., :3] = to_rgb(_FLOW)
-        shade[..., 3] = np.sqrt(flow)
-        image = axes.images[0]
-        extent, interpolation = image.get_extent(), image.get_interpolation()
-        shown = to_image(shade, in_unit)
-        axes.imshow(shown, origin="lower", extent=extent, interpolation=interpolation)
+        add_shade(axes, to_rgb(_FLOW), to_image(np.sqrt(flow), size))
     add_key(axes, key)
 
 
@@ -273,12 +257,6 @@ def relative_flow(gap: Array, pressure: Array, size: Pair) -> Array:
     return np.asarray(flow / (flow.max() or 1.0))
 
 
-def _in_unit(size: Pair) -> tuple[Pair, str]:
-    """Convert the sides of a map [m] to a readable unit; return the sides and the name of the unit."""
-    unit, name = length_unit(max(size))
-    return (size[0] / unit, size[1] / unit), name
-
-
 # --- single solutions -------------------------------------------------------------------------------------
 
 
@@ -295,7 +273,7 @@ def _contact_sheet(contact: Contact, head: float = 0.0) -> Sheet:
     """
     spacing = contact.half_space.spacing
     size = (contact.gap.shape[0] * spacing[0], contact.gap.shape[1] * spacing[1])
-    row_height = map_row_height(on_its_side(size))
+    row_height = map_row_height(size)
     sheet = Sheet([row_height] * 2, head=head, dpi=map_dpi(contact.gap.shape))
     _draw_contact_pressure(sheet.panel(0, MAP), contact.pressure, size)
     _draw_gap(sheet.panel(1, MAP), contact.gap, size)
@@ -371,7 +349,7 @@ def _draw_fluid_pressure(
     """
     n1, n2 = values.shape
     if ax is None:
-        sheet = Sheet([map_row_height(on_its_side((n1, n2)))], dpi=map_dpi(values.shape))
+        sheet = Sheet([map_row_height((n1, n2))], dpi=map_dpi(values.shape))
         ax = sheet.panel(0, MAP)
     has_undefined = bool(np.isnan(values).any())
     colours = colours_with_closed("cividis", POCKET)

@@ -19,8 +19,8 @@ from .map_panels import (
     add_colour_bar,
     add_key,
     clip_to_decades,
+    is_turned,
     map_row_height,
-    on_its_side,
 )
 from .streamlines import draw_main_path, draw_streamlines
 from .style import styled
@@ -105,8 +105,8 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
     corners = data["drawn_corners"].values  # m, (tile, corner, axis)
     flux = np.nan_to_num(data["drawn_flux"].values[step])  # (tile, axis)
     size = tuple(np.ptp(corners, axis=(0, 1)).tolist())
-    is_turned = on_its_side(size) != size
-    if is_turned:
+    has_x2_horizontal = is_turned(size)
+    if has_x2_horizontal:
         corners = corners[..., ::-1]
         flux = flux[..., ::-1]
     flow = np.hypot(*flux.T)  # (tile,)
@@ -124,7 +124,7 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
     for row, panel in enumerate(panels):
         axes = sheet.panel(row, MAP)
         unit, unit_name = _set_up_axes(axes, panel)
-        x_name, y_name = _axis_names(data, unit_name, is_turned)
+        x_name, y_name = _axis_names(data, unit_name, has_x2_horizontal)
         axes.set(xlabel=x_name, ylabel=y_name)
         # tiles that are at least partly inside the panel
         is_right_of_low = corners.max(axis=1) >= panel.low  # (tile, axis)
@@ -155,12 +155,12 @@ def _set_up_axes(axes: Axes, panel: _Panel) -> tuple[float, str]:
     return unit, unit_name
 
 
-def _axis_names(data: xarray.Dataset, unit: str, is_turned: bool) -> tuple[str, str]:
+def _axis_names(data: xarray.Dataset, unit: str, has_x2_horizontal: bool) -> tuple[str, str]:
     """Return the names of the horizontal and the vertical axis."""
     names = f"$x$ [{unit}]", f"$y$ [{unit}]"
     if data.attrs["seal_kind"] == RectangularLayout.kind:
         names = f"$x_1$, inlet at 0 [{unit}]", f"$x_2$ along the seal [{unit}]"
-    return (names[1], names[0]) if is_turned else names
+    return names[::-1] if has_x2_horizontal else names
 
 
 def _detail(data: xarray.Dataset, corners: Array, centre: Array) -> tuple[Array, Array]:

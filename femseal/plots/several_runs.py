@@ -163,8 +163,7 @@ def _draw_over_key(axes: Axes, comparison: RunComparison, key: int) -> None:
     Runs in which all other keys have the same values are joined by a line.
     """
     step = _highest_leaking_step(comparison)
-    leakages = _leakages_at(comparison, step)
-    low, high = _intervals_at(comparison, step)
+    leakages, low, high = comparison.at(step)
     set_leakage_axis(axes, with_near_ends(leakages, np.concatenate([low, high])))
     texts = list(dict.fromkeys(values[key] for values in comparison.settings))
     positions = _axis_positions(texts)
@@ -205,7 +204,7 @@ def _highest_leaking_step(comparison: RunComparison) -> LoadStep:
     If there is no load at which all runs leak, the first load step common to all runs is returned.
     """
     loading = [step for step in comparison.common_steps if step.unloaded_from is None]
-    leaking = [step for step in loading if (_leakages_at(comparison, step) > 0).all()]
+    leaking = [step for step in loading if (comparison.at(step)[0] > 0).all()]
     return leaking[-1] if leaking else comparison.common_steps[0]
 
 
@@ -221,31 +220,6 @@ def _runs_by_other_keys(comparison: RunComparison, key: int) -> dict[str, list[i
 def _without(texts: tuple[str, ...], index: int) -> tuple[str, ...]:
     """Return the texts without the text at position `index`."""
     return texts[:index] + texts[index + 1 :]
-
-
-def _leakages_at(comparison: RunComparison, step: LoadStep) -> Array:
-    """Return the absolute value of the leakage of every run at a load step, (runs,)."""
-    leakages = [
-        comparison.leakage(n)[run.steps.index(step)] for n, run in enumerate(comparison.runs)
-    ]
-    return np.abs(leakages)
-
-
-def _intervals_at(comparison: RunComparison, step: LoadStep) -> tuple[Array, Array]:
-    """Return the lower and upper ends of the runs' 95 % intervals at a load step, two arrays (runs,).
-
-    The ends are absolute values, and NaN for runs without an error budget.
-    """
-    low = np.full(len(comparison.runs), np.nan)
-    high = low.copy()
-    for n, run in enumerate(comparison.runs):
-        interval = comparison.interval(n)
-        if interval is None:
-            continue
-        index = run.steps.index(step)
-        low[n] = abs(interval[0][index])
-        high[n] = abs(interval[1][index])
-    return low, high
 
 
 def _axis_positions(texts: list[str]) -> list[float]:

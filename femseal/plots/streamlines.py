@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..base import Array, Flags
+from .drawing import panel_size
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,8 +77,7 @@ def _interpolate_flow(axes: Axes, corners: Array, flux: Array) -> _FlowGrid:
     from scipy.spatial import cKDTree
 
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    panel_width, panel_height = axes.get_position().size * axes.figure.get_size_inches()
-    relative_sides = np.array([panel_width, panel_height]) / max(panel_width, panel_height)
+    relative_sides = panel_size(axes) / panel_size(axes).max()
     counts = np.maximum(np.round(_MOST_POINTS * relative_sides).astype(int), _FEWEST_POINTS)
     x = np.linspace(left, right, counts[0])
     y = np.linspace(bottom, top, counts[1])
@@ -185,10 +185,8 @@ def _density(axes: Axes) -> tuple[float, float]:
     The density along each axis is proportional to the side of the panel. The distance between streamlines is therefore
     about the same along both axes.
     """
-    width, height = axes.get_position().size * axes.figure.get_size_inches()
-    density_along_x = max(_DENSITY_PER_INCH * width, _LEAST_DENSITY)
-    density_along_y = max(_DENSITY_PER_INCH * height, _LEAST_DENSITY)
-    return density_along_x, density_along_y
+    along_x, along_y = np.maximum(_DENSITY_PER_INCH * panel_size(axes), _LEAST_DENSITY)
+    return along_x, along_y
 
 
 def _restore_limits(axes: Axes, grid: _FlowGrid) -> None:

@@ -8,8 +8,9 @@ import numpy as np
 
 from ..base import AnyPath, Array, InputError, Pair, validate
 from ..results.results import Results
-from ..results.variables import block_means
 from ..topography import Topography
+from .map_panels import reduced
+from .maps import sides
 from .view import (
     add_scale_bar,
     ends_of_bounds,
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
 
 #: Height of the surface in the window, as a fraction of its longer side, unless the exaggeration is given.
 _RELATIVE_HEIGHT = 0.12
-#: Largest number of points along a side; a finer surface is drawn by means over blocks.
-_MOST_POINTS = 1024
 #: Direction from the surface to the camera: x1 points to the right.
 _CAMERA = (-0.35, -1.0, 0.9)
 #: Size of the window [pixel].
@@ -91,27 +90,25 @@ def view_surface(
     return plotter
 
 
-def surface_mesh(heights: Array, sides: Pair, exaggeration: float | None) -> tuple[Any, float]:
+def surface_mesh(heights: Array, size: Pair, exaggeration: float | None) -> tuple[Any, float]:
     """Make a surface mesh in µm with exaggerated heights; return the mesh and the factor of exaggeration.
 
     heights : heights of the surface (n1, n2) [m].
-    sides : sides of the surface along x1 and x2 [m].
+    size : sides of the surface along x1 and x2 [m].
     exaggeration : factor by which the heights are multiplied; if None, the function chooses a factor.
     """
     import pyvista
 
-    is_fine = max(heights.shape) > _MOST_POINTS
-    shown = block_means(heights, _MOST_POINTS) if is_fine else heights
-    heights = 1e6 * np.asarray(shown, float)
+    heights = 1e6 * reduced(heights)
     if not np.isfinite(heights).all():
         expected = "a surface without undefined points, see fs.condition"
         raise InputError("surface", "undefined points", expected)
-    spacing = [1e6 * side / n for side, n in zip(sides, heights.shape, strict=True)]
+    spacing = [1e6 * side / n for side, n in zip(size, heights.shape, strict=True)]
     height = float(np.ptp(heights))
     if exaggeration is not None:
         factor = validate.number("exaggeration", exaggeration)
     else:
-        factor = round_length(_RELATIVE_HEIGHT * 1e6 * max(sides) / height) if height else 1.0
+        factor = round_length(_RELATIVE_HEIGHT * 1e6 * max(size) / height) if height else 1.0
     x, y = ((np.arange(n) + 0.5) * step for n, step in zip(heights.shape, spacing, strict=True))
     grid = pyvista.StructuredGrid(*np.meshgrid(x, y, indexing="ij"), factor * heights)
     grid.point_data["height [µm]"] = heights.ravel(order="F")
@@ -123,5 +120,4 @@ def _heights_and_sides(surface: Topography | Results) -> tuple[Array, Pair]:
     if isinstance(surface, Topography):
         return surface.heights, surface.size
     data = surface.dataset
-    sides = [2 * float(data[axis].values.mean()) for axis in ("face1", "face2")]
-    return np.asarray(data["face_height"].values), (sides[0], sides[1])
+    return data["face_height"].values.astype(float), sides(data)

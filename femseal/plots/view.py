@@ -14,8 +14,9 @@ import numpy as np
 
 from ..base import AnyPath, Array, InputError, to_text
 from ..results.load_steps import load_names
-from ..results.pixel_fields import stored_steps
+from ..results.pixel_fields import pixel_and_corner, stored_steps
 from ..results.results import Results
+from ..results.vtk_files import image
 from ..seal.layouts import RectangularLayout
 from .maps import default_step
 
@@ -28,29 +29,25 @@ class _ShownField(NamedTuple):
 
     Attributes
     ----------
-    pixels : name of the field over the pixels of the surface.
     tiles : name of the dataset variable with a value for each tile of a realisation; "" if no such variable exists.
     heading : heading of the panel, with the unit of the shown values.
     unit : unit of the shown values, in SI units.
     colours : name of the colour map.
     """
 
-    pixels: str
     tiles: str
     heading: str
     unit: float
     colours: str
 
 
-#: Fields by the name of the option, in the order of the panels.
+#: Fields by their names, in the order of the panels.
 FIELDS = {
     "contact_pressure": _ShownField(
-        "contact_pressure", "drawn_contact_pressure", "contact pressure [MPa]", 1e6, "inferno"
+        "drawn_contact_pressure", "contact pressure [MPa]", 1e6, "inferno"
     ),
-    "gap": _ShownField("gap", "", "gap [µm]", 1e-6, "viridis"),
-    "fluid_pressure": _ShownField(
-        "fluid_pressure", "drawn_fluid_pressure", "fluid pressure [MPa]", 1e6, "cividis"
-    ),
+    "gap": _ShownField("", "gap [µm]", 1e-6, "viridis"),
+    "fluid_pressure": _ShownField("drawn_fluid_pressure", "fluid pressure [MPa]", 1e6, "cividis"),
 }
 #: Largest length of the scale bar, as a fraction of the longer side of the field.
 _BAR = 0.25
@@ -140,8 +137,6 @@ def show_or_write(plotter: pyvista.Plotter, picture: AnyPath | None) -> None:
 
 def surface_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]:
     """Make a pyvista image of each field over the pixels of the surface, with lengths in µm."""
-    import pyvista
-
     stored = stored_steps(results)
     if step not in stored:
         expected = "a run with output.fields = true, or --seal for a realisation of the seal"
@@ -150,17 +145,10 @@ def surface_meshes(results: Results, step: int, names: list[str]) -> dict[str, A
         raise InputError("step", f"{step}, for which no pixel fields are stored", expected)
     meshes = {}
     for name in names:
-        shown = FIELDS[name]
-        values = results.pixels(shown.pixels, step)
-        spacing = []
-        for axis in ("x1", "x2"):
-            first, second = values[axis].values[:2]  # positions of pixels [m]
-            spacing.append(float(second - first) * 1e6)
-        image = pyvista.ImageData(
-            dimensions=(values.shape[0] + 1, values.shape[1] + 1, 1), spacing=(*spacing, 1.0)
-        )
-        image.cell_data[shown.heading] = _shown_values(values.values, name).ravel(order="F")
-        meshes[name] = image
+        values = results.pixels(name, step)
+        (d1, d2), _corner = pixel_and_corner(values)
+        shown = FIELDS[name].heading, _shown_values(values.values, name)
+        meshes[name] = image((1e6 * d1, 1e6 * d2), (0.0, 0.0), [shown])
     return meshes
 
 
@@ -171,19 +159,15 @@ def seal_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]
     data = results.dataset
     if "drawn_corners" not in data:
         raise InputError("seal", "results without a realisation", "a stochastic run")
-    corners = data["drawn_corners"].values  # (tile, corner, axis) [m]
-    points = np.zeros((corners.shape[0] * corners.shape[1], 3))
-    points[:, :2] = 1e6 * corners.reshape(-1, 2)
-    count = corners.shape[1]
-    indices = np.arange(len(points)).reshape(-1, count)
-    # VTK describes each tile by the number of its corners, and then the indices of the corners
-    faces = np.insert(indices, 0, count, axis=1).ravel()
+    corners = 1e6 * data["drawn_corners"].values  # (tile, corner, axis) [µm]
+    points = np.pad(corners.reshape(-1, 2), ((0, 0), (0, 1)))  # z = 0
+    corner_numbers = np.arange(len(points)).reshape(corners.shape[:2])
     meshes = {}
     for name in names:
         shown = FIELDS[name]
         if shown.tiles not in data:
             continue
-        mesh = pyvista.PolyData(points, faces)
+        mesh = pyvista.PolyData.from_regular_faces(points, corner_numbers)
         values = np.asarray(data[shown.tiles].values)
         mesh.cell_data[shown.heading] = _shown_values(values[step], name).ravel()
         meshes[name] = mesh
@@ -276,9 +260,7 @@ def ends_of_seal(results: Results) -> Array | None:
     tile_pressure = pressure[known_steps[0]].ravel()
     highest_and_lowest = [int(np.nanargmax(tile_pressure)), int(np.nanargmin(tile_pressure))]
     centres = data["drawn_corners"].values.mean(axis=1)  # (tile, axis) [m]
-    positions = np.zeros((2, 3))
-    positions[:, :2] = 1e6 * centres[highest_and_lowest]
-    return positions
+    return np.pad(1e6 * centres[highest_and_lowest], ((0, 0), (0, 1)))  # z = 0
 
 
 def mark_ends(plotter: pyvista.Plotter, ends: Array) -> None:

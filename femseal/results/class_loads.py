@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isclose
 
-from .load_steps import LoadFormat, force_scale
+from .load_steps import LoadFormat, load_format
 from .results import Results
 from .verdict import LoadText, verdicts_of
-from .verdict_text import short_loads
 
 #: Number of significant digits of the loads.
 _DIGITS = 3
@@ -22,16 +21,14 @@ def common_load_text(runs: Sequence[Results]) -> LoadText:
     If the cases of all runs give forces on equal areas, the text is the force with the pressure in brackets. If a case
     gives pressures or the areas are different, the text is the pressure.
     """
-    scales = [force_scale(results.dataset) for results in runs]
-    first = scales[0]
+    formats = [load_format(results.dataset, _DIGITS) for results in runs]
+    first = formats[0]
     is_common = all(
-        scale is not None
-        and first is not None
-        and scale.unit == first.unit
-        and isclose(scale.per_pascal, first.per_pascal, rel_tol=_SAME_FORCE)
-        for scale in scales
+        loads.unit == first.unit
+        and isclose(loads.per_pascal, first.per_pascal, rel_tol=_SAME_FORCE)
+        for loads in formats
     )
-    return LoadFormat(first if is_common else None, _DIGITS).full
+    return first.full if is_common else LoadFormat(digits=_DIGITS).full
 
 
 def class_columns(runs: Sequence[Results]) -> list[tuple[str, list[str]]]:
@@ -50,7 +47,7 @@ def class_columns(runs: Sequence[Results]) -> list[tuple[str, list[str]]]:
         class, is left out if a run has no interval.
     """
     verdicts = [{verdict.name: verdict for verdict in verdicts_of(results)} for results in runs]
-    load_texts = [short_loads(results) for results in runs]
+    load_texts = [load_format(results.dataset, _DIGITS).short for results in runs]
     columns = []
     for name in verdicts[0]:
         if not all(name in of_run for of_run in verdicts):

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -21,11 +20,42 @@ if TYPE_CHECKING:
     import xarray
 
 
-class ForceScale(NamedTuple):
-    """Unit of the forces in a case, and the force in this unit for a nominal pressure of 1 Pa."""
+class LoadFormat(NamedTuple):
+    """Write nominal pressures as the loads of a case: as pressures, or as forces.
 
-    unit: str
-    per_pascal: float
+    Attributes
+    ----------
+    unit : unit of force; "" if the case gives pressures.
+    per_pascal : force in this unit for a nominal pressure of 1 Pa.
+    digits : number of significant digits.
+    """
+
+    unit: str = ""
+    per_pascal: float = 0.0
+    digits: int = 4
+
+    def short(self, pressure: float) -> str:
+        """Write a nominal pressure [Pa] as a load of the case, such as "40 MPa" or "2 kN"."""
+        if not self.unit:
+            return to_text(pressure, "Pa", self.digits)
+        return f"{self.per_pascal * pressure:.{self.digits}g} {self.unit}"
+
+    def full(self, pressure: float) -> str:
+        """Write a nominal pressure [Pa]; a force is followed by the pressure, as in "2 kN (40 MPa)"."""
+        if not self.unit:
+            return self.short(pressure)
+        return f"{self.short(pressure)} ({to_text(pressure, 'Pa', self.digits)})"
+
+    @property
+    def axis(self) -> tuple[str, float]:
+        """Name of a load axis, and the factor that converts a nominal pressure [Pa] to the unit of the axis."""
+        if not self.unit:
+            return "nominal pressure [MPa]", 1e-6
+        return f"force [{self.unit}]", self.per_pascal
+
+
+#: Writes loads as nominal pressures.
+AS_PRESSURES = LoadFormat()
 
 
 def load_programme(data: xarray.Dataset) -> LoadProgramme:
@@ -45,13 +75,16 @@ def pressures_and_peaks(steps: Sequence[LoadStep]) -> tuple[Array, Array]:
     return np.array(pressures, dtype=float), np.array(peaks, dtype=float)
 
 
-def branches(pressures: Array, peaks: Array) -> list[tuple[str, Indices]]:
+def branches(
+    pressures: Array, peaks: Array, loads: LoadFormat = AS_PRESSURES
+) -> list[tuple[str, Indices]]:
     """Divide a load cycle into its branches: the loading branch, and an unloading branch for each peak.
 
     Parameters
     ----------
     pressures : nominal pressure of each step [Pa].
     peaks : highest nominal pressure before unloading for each step [Pa], NaN on loading.
+    loads : format of the peaks in the names of the branches.
 
     Returns
     -------
@@ -63,7 +96,7 @@ def branches(pressures: Array, peaks: Array) -> list[tuple[str, Indices]]:
     for peak in np.unique(peaks[~np.isnan(peaks)])[::-1]:
         at_peak = loading[pressures[loading] == peak]
         unloading = np.flatnonzero(peaks == peak)
-        result.append((branch_text(peak), np.concatenate([at_peak, unloading])))
+        result.append((branch_text(peak, loads.short), np.concatenate([at_peak, unloading])))
     return result
 
 
@@ -82,12 +115,7 @@ def cycle_text(steps: LoadProgramme) -> str:
     return text
 
 
-def _pressure_text(pressure: float) -> str:
-    """Return a pressure as text with a unit."""
-    return to_text(pressure, "Pa")
-
-
-def branch_text(peak: float | None, text: Callable[[float], str] = _pressure_text) -> str:
+def branch_text(peak: float | None, text: Callable[[float], str] = AS_PRESSURES.short) -> str:
     """Return the name of a branch: "loading", or for example "unloading from 900 MPa".
 
     Parameters
@@ -125,11 +153,17 @@ def _load_in(unit: str, load: float | str) -> float:
         return np.nan
 
 
-def force_scale(data: xarray.Dataset) -> ForceScale | None:
-    """Return the scale that converts nominal pressures to forces, or None if the case gives its loads as pressures."""
+def load_format(data: xarray.Dataset, digits: int = 4) -> LoadFormat:
+    """Return the format in which the loads of a run are written: as pressures, or as forces if the case gives forces.
+
+    Parameters
+    ----------
+    data : dataset of a run.
+    digits : number of significant digits.
+    """
     si_unit, loads = given_loads(data)
     if si_unit == "Pa":
-        return None
+        return LoadFormat(digits=digits)
     highest_force = max(loads)  # [N] or [N/m]
     unit = "N"
     factor = 1.0  # value in `unit` of a force of 1 in SI
@@ -141,44 +175,7 @@ def force_scale(data: xarray.Dataset) -> ForceScale | None:
         factor = 1e-3
     # the highest force causes the highest nominal pressure
     highest_pressure = data["nominal_pressure"].values.max()
-    return ForceScale(unit, factor * highest_force / highest_pressure)
-
-
-@dataclass(frozen=True)
-class LoadFormat:
-    """Write nominal pressures as the loads of a case: as pressures, or as forces.
-
-    Attributes
-    ----------
-    force : scale that converts nominal pressures to forces; None if the case gives pressures.
-    digits : number of significant digits.
-    """
-
-    force: ForceScale | None
-    digits: int = 4
-
-    def short(self, pressure: float) -> str:
-        """Write a nominal pressure [Pa] as a load of the case, such as "40 MPa" or "2 kN"."""
-        if self.force is None:
-            return to_text(pressure, "Pa", self.digits)
-        return f"{self.force.per_pascal * pressure:.{self.digits}g} {self.force.unit}"
-
-    def full(self, pressure: float) -> str:
-        """Write a nominal pressure [Pa]; a force is followed by the pressure, as in "2 kN (40 MPa)"."""
-        if self.force is None:
-            return self.short(pressure)
-        return f"{self.short(pressure)} ({to_text(pressure, 'Pa', self.digits)})"
-
-
-def load_format(data: xarray.Dataset, digits: int = 4) -> LoadFormat:
-    """Return the format in which the loads of a run are written: as pressures, or as forces if the case gives forces.
-
-    Parameters
-    ----------
-    data : dataset of a run.
-    digits : number of significant digits.
-    """
-    return LoadFormat(force_scale(data), digits)
+    return LoadFormat(unit, factor * highest_force / highest_pressure, digits)
 
 
 def load_names(data: xarray.Dataset) -> list[str]:

@@ -288,7 +288,7 @@ def _in_window(values: xarray.DataArray, window: Window) -> xarray.DataArray:
     ------
     InputError : the window exceeds the surface, or contains no pixel centre.
     """
-    pixel, _corner = _pixel_and_corner(values)
+    pixel, _corner = pixel_and_corner(values)
     sides = np.multiply(values.shape, pixel)
     part = values.sel(x1=slice(*window[:2]), x2=slice(*window[2:]))
     # first and last end of the window along (x1, x2), as fractions of the sides of the surface
@@ -303,7 +303,7 @@ def _in_window(values: xarray.DataArray, window: Window) -> xarray.DataArray:
     return part
 
 
-def _pixel_and_corner(values: xarray.DataArray) -> tuple[Pair, Pair]:
+def pixel_and_corner(values: xarray.DataArray) -> tuple[Pair, Pair]:
     """Return the size of a pixel and the position of the first corner of a field, along x1 and x2 [m]."""
     pixel, corner = [], []
     for dim in ("x1", "x2"):
@@ -319,7 +319,7 @@ def _pixel_and_corner(values: xarray.DataArray) -> tuple[Pair, Pair]:
 
 def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
     """Write a field to a NumPy archive, with its pixel size, its first corner and its load."""
-    pixel, corner = _pixel_and_corner(values)
+    pixel, corner = pixel_and_corner(values)
     load = run.steps[step]
     with path.open("wb") as file:
         np.savez_compressed(
@@ -337,7 +337,7 @@ def _write_npz(path: Path, values: xarray.DataArray, run: Results, step: int) ->
 def _write_vti(path: Path, values: xarray.DataArray, run: Results, step: int) -> None:
     """Write a field to an image for ParaView."""
     field = Field.from_variable(values)
-    pixel, corner = _pixel_and_corner(values)
+    pixel, corner = pixel_and_corner(values)
     image = vtk_files.image(pixel, corner, [(field.array_name, values.values * field.scale)])
     vtk_files.with_load(image, vtk_files.loads_of(run.dataset)[step])
     path.write_bytes(vtk_files.as_xml(image))

@@ -309,27 +309,28 @@ class RunComparison(Plotted):
                 return step
         return highest_first[0]
 
-    def _ranking_at(self, step: LoadStep) -> Ranking:
-        """Rank the runs by their leakage at a load step that all runs have in common."""
-        leakage = np.full(len(self.runs), np.nan)  # (run,)
-        lower = leakage.copy()
-        upper = leakage.copy()
-        has_intervals = True
+    def at(self, step: LoadStep) -> tuple[Array, Array, Array]:
+        """Return the leakage at a load step that all runs have in common, and the ends of its 95 % interval.
+
+        Each of the three arrays (run,) contains absolute values in `unit`; NaN where unknown.
+        """
+        values = np.full((3, len(self.runs)), np.nan)
         for run, results in enumerate(self.runs):
             index = results.steps.index(step)
-            leakage[run] = abs(self.leakage(run)[index])
-            ends = self.interval(run)
-            if ends is None:
-                has_intervals = False
-                lower[run] = leakage[run]
-                upper[run] = leakage[run]
-            else:
-                lower[run], upper[run] = (abs(end[index]) for end in ends)
-        # an unknown end does not bound the leakage
-        lower = np.nan_to_num(lower, nan=0.0, posinf=np.inf)
-        upper = np.nan_to_num(upper, nan=np.inf, posinf=np.inf)
+            curves = [self.leakage(run), *(self.interval(run) or ())]
+            values[: len(curves), run] = [abs(curve[index]) for curve in curves]
+        leakage, lower, upper = values
+        return leakage, lower, upper
+
+    def _ranking_at(self, step: LoadStep) -> Ranking:
+        """Rank the runs by their leakage at a load step that all runs have in common."""
+        leakage, lower, upper = self.at(step)
+        has_interval = np.array([results.budget is not None for results in self.runs])
+        # an unknown end does not bound the leakage; without an interval, both ends are the leakage
+        lower = np.where(has_interval, np.nan_to_num(lower, nan=0.0, posinf=np.inf), leakage)
+        upper = np.where(has_interval, np.nan_to_num(upper, nan=np.inf, posinf=np.inf), leakage)
         load = common_load_text(self.runs)(step.pressure)
-        return Ranking(load, self.labels, leakage, lower, upper, has_intervals)
+        return Ranking(load, self.labels, leakage, lower, upper, bool(has_interval.all()))
 
     def write(
         self, folder: AnyPath, stem: str = "comparison", formats: Sequence[str] = ("png",)

@@ -180,9 +180,9 @@ def _load_columns(data: xarray.Dataset) -> list[Column]:
     pressures = data["nominal_pressure"].values.tolist()
     branch = [branch_text(peak, loads.full) for peak in data["unloaded_from"].values]
     columns = [("branch", branch)]
-    if loads.force is not None:
-        forces = [f"{loads.force.per_pascal * pressure:.4g}" for pressure in pressures]
-        columns.append((f"force [{loads.force.unit}]", forces))
+    if loads.unit:
+        name, per_pascal = loads.axis
+        columns.append((name, [f"{per_pascal * pressure:.4g}" for pressure in pressures]))
     columns.append(("pressure", [to_text(pressure, "Pa") for pressure in pressures]))
     return columns
 

@@ -12,7 +12,7 @@ from math import inf, isfinite, log, log1p, nan
 from ..base import TextTable, format_deviation, to_text
 from ..base.leak_rates import leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit
-from .load_steps import force_scale, load_format
+from .load_steps import load_format
 from .measures import HEIGHTS, LOAD_INCREASE, best_narrowing, lowering
 from .results import Results
 from .tables import format_interval, format_leakage, format_upper_end, half_width_text
@@ -341,7 +341,7 @@ class _Answer:
         lowered = lowering(self.results, leakage, self.step)
         texts = []
         if lowered.by_load < 1:
-            load = "load" if force_scale(self.results.dataset) is None else "force"
+            load = "force" if load_format(self.results.dataset).unit else "load"
             texts.append(
                 f"With a {load} that is {100 * LOAD_INCREASE:g} % higher, the seal would leak about "
                 f"{lowered.by_load:.2g} times as much."
@@ -430,11 +430,6 @@ def required_loads(needed: NeededPressure, load_text: LoadText) -> str:
     return f"{as_computed} as computed, and {with_interval} with {INTERVAL}"
 
 
-def short_loads(results: Results) -> LoadText:
-    """Return a function that converts a nominal pressure to a short text: the force alone if the case gives forces."""
-    return load_format(results.dataset, 3).short
-
-
 def verdict_table(
     results: Results,
     verdicts: Sequence[Verdict],
@@ -459,7 +454,7 @@ def verdict_table(
         lowest load on unloading at which it is still met. The placeholder {} in the second heading is replaced by the
         load from which the seal is unloaded.
     """
-    load_text = short_loads(results)
+    load_text = load_format(results.dataset, 3).short
     columns: list[tuple[str, list[str]]] = [("class", [verdict.name for verdict in verdicts])]
     if not all(verdict.is_own_limit for verdict in verdicts):
         columns.append(("limit", _limit_texts(results, verdicts)))

@@ -30,6 +30,7 @@ from femseal.plots.leakage_panels import (
 from femseal.plots.map_panels import clip_to_decades
 from femseal.plots.pressure_lines import surface_leakage
 from femseal.results.best_leakage import METHODS
+from femseal.results.load_steps import LoadFormat
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 
@@ -229,17 +230,17 @@ def test_the_band_of_error_ends_where_it_ends_or_at_the_edge(lower, upper):
 @pytest.mark.parametrize(
     "loads", [(66.43, 140.5, 141.2, 300), (1, 2, 3, 4, 5, 6), (276.79, 369.05, 461.31, 9000)]
 )
-@pytest.mark.parametrize("force", [None, ("kN", 4.2e-8)])
-def test_loads_are_ticks_whose_labels_do_not_touch(loads, force):
+@pytest.mark.parametrize("load_format", [LoadFormat(), LoadFormat("kN", 4.2e-8)])
+def test_loads_are_ticks_whose_labels_do_not_touch(loads, load_format):
     pressure = np.array(loads) * 1e6
     curves = LeakageCurves(
-        pressure, np.full(len(loads), np.nan), 1 / pressure, "median", force=force
+        pressure, np.full(len(loads), np.nan), 1 / pressure, "median", loads=load_format
     )
     figure = Figure(figsize=(5.4, 4))
     axes = figure.add_axes((0.18, 0.2, 0.78, 0.7))
     leakage_panel(axes, curves)
     FigureCanvasAgg(figure).draw()
-    factor = 1e-6 if force is None else force[1]
+    _, factor = load_format.axis
     # a tick with a label stands in for one without
     ticks = np.union1d(axes.get_xticks(), axes.get_xticks(minor=True))
     assert_allclose(ticks, pressure * factor)
@@ -250,7 +251,7 @@ def test_loads_are_ticks_whose_labels_do_not_touch(loads, force):
     )
     assert len(boxes) == len(loads)  # every load has a label
     assert all(right < left for (_, right), (left, _) in pairwise(boxes))
-    assert ("kN" in axes.get_xlabel()) == (force is not None)
+    assert ("kN" in axes.get_xlabel()) == (load_format.unit == "kN")
 
 
 def test_every_limit_has_a_name_and_names_do_not_touch():

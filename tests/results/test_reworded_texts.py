@@ -14,7 +14,7 @@ from femseal.plots.realisations import _axis_names
 from femseal.results import RunFacts, assemble
 from femseal.results.class_loads import common_load_text
 from femseal.results.dataset_file import save
-from femseal.results.load_steps import ForceScale, LoadFormat, force_scale, given_loads
+from femseal.results.load_steps import LoadFormat, given_loads, load_format
 from femseal.results.tables import attempt_sentences
 from femseal.seal.layouts import AnnularLayout, RectangularLayout
 
@@ -34,26 +34,26 @@ def loaded(*loads, pressures=(5e7, 1e8)):
 
 
 @pytest.mark.parametrize(
-    ("loads", "unit", "scale"),
+    ("loads", "unit", "force", "per_pascal"),
     [
-        ((5e7, 1e8), "Pa", None),
-        (("1000.0 N", "2000.0 N"), "N", ("kN", 2.0 / 1e8)),
-        (("100.0 N", "200.0 N"), "N", ("N", 200.0 / 1e8)),
-        (("1000.0 N/m", "2000.0 N/m"), "N/m", ("N/mm", 2.0 / 1e8)),
+        ((5e7, 1e8), "Pa", "", 0.0),
+        (("1000.0 N", "2000.0 N"), "N", "kN", 2.0 / 1e8),
+        (("100.0 N", "200.0 N"), "N", "N", 200.0 / 1e8),
+        (("1000.0 N/m", "2000.0 N/m"), "N/m", "N/mm", 2.0 / 1e8),
         # spaces and prefixes are no matter
-        (("1kN", "2kN"), "N", ("kN", 2.0 / 1e8)),
+        (("1kN", "2kN"), "N", "kN", 2.0 / 1e8),
     ],
 )
-def test_forces_of_a_stored_case_are_read_as_quantities(loads, unit, scale):
+def test_forces_of_a_stored_case_are_read_as_quantities(loads, unit, force, per_pascal):
     data = loaded(*loads)
     assert given_loads(data)[0] == unit
-    assert force_scale(data) == (None if scale is None else pytest.approx(scale))
+    assert load_format(data)[:2] == (force, pytest.approx(per_pascal))
 
 
 def test_a_short_load_is_the_force_alone():
-    force = LoadFormat(ForceScale("kN", 2e-8), 3)
+    force = LoadFormat("kN", 2e-8, 3)
     assert (force.short(1e8), force.full(1e8)) == ("2 kN", "2 kN (100 MPa)")
-    pressure = LoadFormat(None, 3)
+    pressure = LoadFormat(digits=3)
     assert pressure.short(1e8) == pressure.full(1e8) == "100 MPa"
 
 
