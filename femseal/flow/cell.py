@@ -20,7 +20,7 @@ from .grid import Stencil, gap_on_rows, link_weights
 from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
 from .percolation import prepare_links
 from .plain import solve_plain
-from .problem import PLAIN_SOLVERS, DarcyFlow, check_solver, unit_spacing, validated_cell
+from .problem import SPARSE_SOLVERS, DarcyFlow, check_solver, unit_spacing, validated_cell
 from .solvers.choice import solve_prepared
 from .solvers.hierarchy import levels_of_operator
 from .solvers.multigrid import cycle
@@ -229,7 +229,7 @@ def cell_flow(
     validate.tolerance("rtol", rtol)
     h, (d1, d2), largest_gap = _scaled(gap, spacing, axis, sides)
     n1, n2 = h.shape
-    if solver in PLAIN_SOLVERS:
+    if solver in SPARSE_SOLVERS:
         flow = solve_plain(h, (d1, d2), sides, rtol=rtol, field_rtol=field_rtol, solver=solver)
         along = cell_stencil(h, (d1, d2), sides).along  # for the flux in the core
     else:

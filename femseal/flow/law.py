@@ -18,7 +18,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, counted, reals, shown
+from ..base import Array, InputError, reals
 
 #: Inverse Knudsen numbers D between the four formulas of `flow_rate`: from free molecules to the first formula of the
 #: transition, from there to the second one, and from there to slip flow.
@@ -266,30 +266,3 @@ def widened(gap: Array, factor: ArrayLike) -> Array:
             "law", "a factor <= 0 or undefined", "finite factors > 0 where the gap is open"
         )
     return np.multiply(gap, np.cbrt(factor), out=np.zeros(gap.shape), where=gap > 0)
-
-
-def checked_permeability(name: str, permeability: ArrayLike, *shapes: tuple[int, ...]) -> Array:
-    """Check a permeability, and return it as an array.
-
-    Parameters
-    ----------
-    name : name of the argument for the error message.
-    permeability : a number, or an array whose shape is one of `shapes` [m³]. All values must be finite. Negative values
-        are only allowed as components of tensors, that is, in arrays with three axes.
-
-    Raises
-    ------
-    InputError : the permeability has another shape, or an undefined or negative value.
-    """
-    try:
-        k = np.asarray(permeability, dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(name, shown(permeability), "numbers [m³]") from None
-    if k.shape not in ((), *shapes):
-        allowed = f"a number or shape {' or '.join(map(str, shapes))}"
-        raise InputError(name, f"shape {k.shape}", allowed)
-    if undefined := np.count_nonzero(~np.isfinite(k)):
-        raise InputError(name, f"{counted(undefined, 'value')} not finite", "numbers >= 0 [m³]")
-    if k.ndim < 3 and k.min(initial=0.0) < 0:
-        raise InputError(name, f"{k.min():g}", "numbers >= 0 [m³]")
-    return k

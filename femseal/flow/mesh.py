@@ -44,8 +44,8 @@ from .mesh_input import (
     permeability_tensors,
 )
 from .problem import LINEAR, DarcyFlow, potential_rtol
-from .solvers.direct import Ends, LinearSolution
-from .solvers.sparse import solve_sparse
+from .solvers.linear_solution import Ends, LinearSolution
+from .solvers.sparse import solve_between_ends
 
 #: Relative error of the flow.
 RTOL = 1e-8
@@ -128,7 +128,7 @@ class MeshSystem:
         ----------
         local : array (n, m, m), matrices of the elements. The sum of each row must be 0.
         rtol : largest relative error of the potential in the energy norm.
-        solver : name of a solver of sparse matrices, see `PLAIN_SOLVERS`, or "auto".
+        solver : name of a solver of sparse matrices, see `MESH_SOLVERS`.
 
         Returns
         -------
@@ -155,20 +155,24 @@ class MeshSystem:
             (local[is_inner], (rows[is_inner], columns[is_inner])),
             shape=(unknown.size, unknown.size),
         ).tocsc()
-        conductances = []  # for each end, the conductance between the end and each unknown
-        for at_end in self.ends:
-            is_at_end = np.zeros(self.size)
-            is_at_end[at_end] = 1.0
-            # sum of the matrix entries between each degree of freedom and the end, which are negative conductances
-            column_sum = self.total_flow(np.einsum("nij,nj->ni", local, is_at_end[self.dofs]))
-            conductances.append(0.0 - column_sum[unknown])
-        ends = Ends(np.array(_END_POTENTIALS), np.array(conductances))
-        rhs = ends.potentials @ ends.conductances
-        solution = solve_sparse(matrix, rhs, rtol, solver, unit_drop=True, ends=ends)
+        # The function `condense` of scikit-fem would give the conductances to the inlet as the right-hand side, but the
+        # conductances to the outlet only as differences of matrix entries, in which small values are lost by rounding.
+        inlet, outlet = (self._conductances_to(at_end, local)[unknown] for at_end in self.ends)
+        solution = solve_between_ends(matrix, Ends(inlet, outlet), rtol, solver)
         remainder = np.zeros(self.size)
         values[unknown] = solution.x
         remainder[unknown] = solution.remainder
         return replace(solution, x=values, complement=1 - values, remainder=remainder)
+
+    def _conductances_to(self, at_end: Indices, local: Array) -> Array:
+        """Compute the conductance (size,) between each degree of freedom and those at one end.
+
+        at_end : degrees of freedom at the end.
+        local : array (n, m, m), matrices of the elements, whose entries beside the diagonal are negative conductances.
+        """
+        is_at_end = np.zeros(self.size)
+        is_at_end[at_end] = 1.0
+        return 0.0 - self.total_flow(np.einsum("nij,nj->ni", local, is_at_end[self.dofs]))
 
     def total_flow(self, flux: Array) -> Array:
         """Compute the total flow (size,) from each degree of freedom into the elements around it.

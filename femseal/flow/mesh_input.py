@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from skfem import Mesh
 
 from ..base import Array, Flags, Indices, InputError
-from .law import checked_permeability
+from .problem import checked_permeability
 
 #: If one principal value of a tensor is 0, it is replaced by this fraction of the other principal value, so that K⁻¹
 #: exists.

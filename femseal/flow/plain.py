@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.csgraph import connected_components
 from skfem import Basis, ElementQuad1, MeshQuad
 
 from ..base import Array, NotConverged, Pair
@@ -23,7 +22,7 @@ from . import forms
 from .grid import gap_on_links
 from .law import cubic_law
 from .problem import MAX_IMBALANCE, DarcyFlow, potential_rtol
-from .solvers.sparse import solve_sparse
+from .solvers.sparse import solve_network
 
 
 def assemble_cell(gap: Array, spacing: Pair, sides: str) -> sp.csr_array:
@@ -115,38 +114,20 @@ def solve_plain(
     """
     matrix = assemble_cell(gap, spacing, sides)
     matrix.eliminate_zeros()
-    n1, n2 = gap.shape
-    inlet = np.arange(n2)
-    outlet = inlet + (n1 + 1) * n2
-
-    # Only pixels that are connected to both ends carry flow.
-    component = connected_components(matrix, directed=False)[1]
-    at_inlet = np.isin(component, component[inlet])
-    at_outlet = np.isin(component, component[outlet])
-    pressure = np.where(at_inlet, 1.0, np.where(at_outlet, 0.0, np.nan))
-    pressure[outlet] = 0.0
-    complement = 1 - pressure
-    carries_flow = at_inlet & at_outlet
-    carries_flow[inlet] = carries_flow[outlet] = False
-    unknown = np.flatnonzero(carries_flow)
-    shape = (n1 + 2, n2)
-    if not unknown.size:
-        return DarcyFlow(0.0, pressure.reshape(shape), complement.reshape(shape), False)
-
-    rows = matrix[unknown]
-    to_inlet = -rows[:, inlet].sum(axis=1)
-    to_outlet = -rows[:, outlet].sum(axis=1)
     wanted = potential_rtol(rtol, field_rtol)
-    solution = solve_sparse(rows[:, unknown], to_inlet, wanted, solver, unit_drop=True)
-    pressure[unknown] = solution.x
-    complement[unknown] = solution.complement
+    n1, n2 = gap.shape
+    network = solve_network(matrix, n2, wanted, solver)
+    pressure = network.potential.reshape(n1 + 2, n2)
+    complement = network.complement.reshape(n1 + 2, n2)
+    solution = network.solution
+    if solution is None:
+        return DarcyFlow(0.0, pressure, complement, percolates=False)
 
     # The conductance is equal to the energy. Computed from pressure differences it does not suffer from cancellation.
     link = sp.triu(matrix, k=1).tocoo()
-    drop = np.nan_to_num(pressure[link.row] - pressure[link.col])
+    drop = np.nan_to_num(network.potential[link.row] - network.potential[link.col])
     conductance = float(-link.data @ drop**2)
-    inflow = float(to_inlet @ solution.complement)
-    outflow = float(to_outlet @ solution.x)
+    inflow, outflow = network.inflow, network.outflow
     imbalance = max(abs(inflow - outflow), abs(inflow - conductance)) / conductance
     allowed = max(MAX_IMBALANCE, 0.01 * wanted)
     if not imbalance <= allowed:
@@ -157,8 +138,8 @@ def solve_plain(
         )
     return DarcyFlow(
         conductance,
-        pressure.reshape(shape),
-        complement.reshape(shape),
+        pressure,
+        complement,
         percolates=True,
         iterations=solution.iterations,
         residual=solution.residual,

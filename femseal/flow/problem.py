@@ -9,14 +9,17 @@ from math import frexp, ldexp
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, Lengths, Pair, validate
+from ..base import Array, InputError, Lengths, Pair, counted, shown, validate
 
 SIDES = ("mirror", "periodic")
 #: Fast solvers, which require a five-point stencil; and sparse solvers, which accept any sparse matrix.
 FAST_SOLVERS = ("multigrid", "elimination")
-PLAIN_SOLVERS = ("amg", "direct")
-#: All flow solvers. "auto" prefers the fast solvers, and chooses the one that is expected to take less time.
-SOLVERS = ("auto", *FAST_SOLVERS, *PLAIN_SOLVERS)
+SPARSE_SOLVERS = ("amg", "direct")
+#: All flow solvers. "auto" prefers the fast solvers, and chooses the one that is expected to take less time, see
+#: `femseal.flow.solvers`.
+SOLVERS = ("auto", *FAST_SOLVERS, *SPARSE_SOLVERS)
+#: Solvers of a flow on a mesh.
+MESH_SOLVERS = ("auto", *SPARSE_SOLVERS)
 #: Largest relative difference between inlet and outlet flow that is accepted from a direct or a precise solution.
 MAX_IMBALANCE = 1e-5
 #: Advice, in error messages, about second-order elements.
@@ -73,6 +76,33 @@ def validated_cell(gap: ArrayLike, spacing: Lengths, axis: int, sides: str) -> t
     if sides not in SIDES:
         raise InputError("sides", sides, f"one of {', '.join(SIDES)}")
     return (h, (d1, d2)) if axis == 0 else (np.ascontiguousarray(h.T), (d2, d1))
+
+
+def checked_permeability(name: str, permeability: ArrayLike, *shapes: tuple[int, ...]) -> Array:
+    """Check a permeability, and return it as an array.
+
+    Parameters
+    ----------
+    name : name of the argument for the error message.
+    permeability : a number, or an array whose shape is one of `shapes` [m³]. All values must be finite. Negative values
+        are only allowed as components of tensors, that is, in arrays with three axes.
+
+    Raises
+    ------
+    InputError : the permeability has another shape, or an undefined or negative value.
+    """
+    try:
+        k = np.asarray(permeability, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(name, shown(permeability), "numbers [m³]") from None
+    if k.shape not in ((), *shapes):
+        allowed = f"a number or shape {' or '.join(map(str, shapes))}"
+        raise InputError(name, f"shape {k.shape}", allowed)
+    if undefined := np.count_nonzero(~np.isfinite(k)):
+        raise InputError(name, f"{counted(undefined, 'value')} not finite", "numbers >= 0 [m³]")
+    if k.ndim < 3 and k.min(initial=0.0) < 0:
+        raise InputError(name, f"{k.min():g}", "numbers >= 0 [m³]")
+    return k
 
 
 def unit_spacing(spacing: Pair) -> Pair:

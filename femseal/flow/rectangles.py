@@ -73,35 +73,57 @@ class Rectangles:
         """Numbers of rows and columns."""
         return self.lines.size - 1, self.columns
 
-    def networks(self, k1: Array, k2: Array) -> tuple[Stencil, Stencil]:
-        """Build a network of links between the corners, and a network of links between the centres of the rectangles.
+    def corner_network(self, k1: Array, k2: Array) -> Stencil:
+        """Build the network of links between the corners, which gives an upper bound of the flow.
 
         Parameters
         ----------
         k1, k2 : arrays (n1, n2), permeability along x1 and x2.
         """
-        along, across = edge_conductances()
-        d1 = np.diff(self.lines)[:, None]  # (row, 1)
-        d2 = self.period / self.columns
-        # contribution of each rectangle to the conductance of one of its edges, which stands for half of the rectangle
-        edge1 = along * (d2 / d1) * k1
-        edge2 = across * (d1 / d2) * k2
+        edge1, edge2 = self._edge_conductances(k1, k2)
         # An edge between two corners belongs to two rectangles: an edge along x1 to the rectangles on its left and on
         # its right, and an edge along x2 to the rectangles above and below.
-        corners_along = edge1 + np.roll(edge1, 1, axis=1)
-        corners_across = edge2[:-1] + edge2[1:]
-        corners = Stencil(corners_along, corners_across)
+        along = edge1 + np.roll(edge1, 1, axis=1)
+        return self._network(along, edge2[:-1] + edge2[1:])
+
+    def centre_network(self, k1: Array, k2: Array) -> Stencil:
+        """Build the network of links between the centres of the rectangles, which gives a lower bound of the flow.
+
+        k1, k2 : as in `corner_network`.
+        """
+        edge1, edge2 = self._edge_conductances(k1, k2)
         # The link from the centre of a rectangle to one of its sides has twice the width and half the length of an
         # edge, so that its conductance is four times as large.
         half1 = 4 * edge1
         half2 = 4 * edge2
-        centres_along = [half1[:1], _in_series(half1[:-1], half1[1:]), half1[-1:]]
-        centres_across = _in_series(half2, np.roll(half2, -1, axis=1))
-        centres = Stencil(np.concatenate(centres_along), centres_across)
+        along = np.concatenate([half1[:1], _in_series(half1[:-1], half1[1:]), half1[-1:]])
+        return self._network(along, _in_series(half2, np.roll(half2, -1, axis=1)))
+
+    def _edge_conductances(self, k1: Array, k2: Array) -> tuple[Array, Array]:
+        """Compute what each rectangle contributes to the conductance of one of its edges along x1, and along x2.
+
+        An edge stands for half of the rectangle.
+        """
+        along, across = edge_conductances()
+        d1 = np.diff(self.lines)[:, None]  # (row, 1)
+        d2 = self.period / self.columns
+        return along * (d2 / d1) * k1, across * (d1 / d2) * k2
+
+    def _network(self, along: Array, across: Array) -> Stencil:
+        """Make a network of links whose columns form a ring."""
         if self.columns == 1:  # the only rectangle of a row is not its own neighbour
-            corners.across[:] = 0.0
-            centres.across[:] = 0.0
-        return corners, centres
+            across[:] = 0.0
+        return Stencil(along, across)
+
+    def conforming_flow(self, k1: Array, k2: Array, *, solver: str = "auto") -> DarcyFlow:
+        """Solve the flow in the network of corners, which corresponds to continuous pressures.
+
+        The conductance is an upper bound of the flow. The potential is equal to the potential that `flow` returns.
+
+        k1, k2, solver : as in `flow`.
+        """
+        corners = self.corner_network(k1, k2)
+        return solve_flow(corners, rtol=_RTOL, solver=solver, field_rtol=FIELD_RTOL)
 
     def flow(
         self, k1: Array, k2: Array, *, bounds: bool = False, solver: str = "auto"
@@ -129,10 +151,11 @@ class Rectangles:
         ------
         NotConverged : the solver failed.
         """
-        corners, centres = self.networks(k1, k2)
+        corners = self.corner_network(k1, k2)
         corner_flow = solve_flow(corners, rtol=_RTOL, solver=solver, field_rtol=FIELD_RTOL)
         upper = corners.energy(np.nan_to_num(corner_flow.potential))
         del corners  # large seals need its memory
+        centres = self.centre_network(k1, k2)
         field_rtol = FIELD_RTOL if bounds else None
         centre_flow = solve_flow(centres, rtol=_RTOL, solver=solver, field_rtol=field_rtol)
         value = float(np.sqrt(centre_flow.conductance) * np.sqrt(corner_flow.conductance))

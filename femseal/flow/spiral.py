@@ -26,13 +26,12 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ..base import Array, Flags, Indices, InputError, NotConverged, Pair, to_text
+from ..base import Array, Indices, InputError, NotConverged, Pair, to_text
 from .cell import cell_stencil
 from .grid import Stencil
 from .law import cubic_law
 from .problem import unit_spacing
-from .solvers.direct import Ends
-from .solvers.sparse import solve_sparse
+from .solvers.sparse import NetworkFlow, solve_network
 
 #: Smallest fraction w for which the flow is solved. For a smaller w, rounding errors would spoil the solution, and the
 #: flow is extrapolated: the flow along the grooves is proportional to w².
@@ -163,16 +162,18 @@ def spiral_flow(
         return None
 
     matrix = cut.to_csr() + seam_drops.T @ sp.diags_array(seam_conductances) @ seam_drops
-    potential, carries_flow = _solve_between_ends(sp.csr_array(matrix), n2)
+    network = solve_network(sp.csr_array(matrix), n2, _RTOL, largest_residual=_IMBALANCE)
+    _check_balance(network)
+    potential = np.nan_to_num(network.potential)
     conductance = 0.0
-    if carries_flow.any():
+    if network.is_through.any():
         energy_of_seam = float(seam_conductances @ (seam_drops @ potential) ** 2)
         energy_with_lead = cut.energy(potential.reshape(n1 + 2, n2)) + energy_of_seam
         # If `weight` is larger than the true fraction of a turn, the contribution of the spiral is reduced accordingly;
         # it is proportional to the square of the fraction.
         contribution = energy_with_lead - energy_without_lead
         conductance = energy_without_lead + (fraction / weight) ** 2 * contribution
-    pixel_potential = np.where(carries_flow, potential, np.nan).reshape(n1 + 2, n2)[1:-1]
+    pixel_potential = np.where(network.is_through, potential, np.nan).reshape(n1 + 2, n2)[1:-1]
     length = n1 * d1
     width = n2 * d2
     permeability = scale**3 * length / width * conductance
@@ -322,46 +323,13 @@ def _drop_to_next_groove(rows: Indices, conductance: Array, label: Indices, shif
     return factors
 
 
-def _solve_between_ends(matrix: sp.csr_array, n2: int) -> tuple[Array, Flags]:
-    """Solve for the potential of all nodes of a network between inlet and outlet.
-
-    The first n2 nodes are the inlet with the potential 1, and the last n2 nodes the outlet with the potential 0. Nodes
-    that are connected to the inlet only have the potential 1. Nodes that are connected to the outlet only, and nodes in
-    pockets, have the potential 0.
-
-    Returns
-    -------
-    Potential of each node, and flags of the nodes that are connected to both inlet and outlet. If no node is connected
-    to both inlet and outlet, nothing flows.
-    """
-    nodes = matrix.shape[0]
-    _, label = connected_components(matrix, directed=False)
-    is_inlet = np.arange(nodes) < n2
-    is_outlet = np.arange(nodes) >= nodes - n2
-    at_inlet = np.isin(label, label[is_inlet])
-    at_both_ends = at_inlet & np.isin(label, label[is_outlet])
-    potential = np.where(at_inlet & ~is_outlet, 1.0, 0.0)
-    unknown = np.flatnonzero(at_both_ends & ~is_inlet & ~is_outlet)
-    if not unknown.size:
-        return potential, at_both_ends
-    rows = matrix[unknown]
-    to_inlet = -np.asarray(rows[:, is_inlet].sum(axis=1)).ravel()
-    to_outlet = -np.asarray(rows[:, is_outlet].sum(axis=1)).ravel()
-    ends = Ends(np.array([1.0, 0.0]), np.array([to_inlet, to_outlet]))
-    potential[unknown] = solve_sparse(
-        rows[:, unknown],
-        to_inlet,
-        _RTOL,
-        unit_drop=True,
-        largest_residual=_IMBALANCE,
-        ends=ends,
-    ).x
-    inflow = float((matrix[is_inlet] @ potential).sum())
-    outflow = float((matrix[is_outlet] @ potential).sum())  # negative
-    imbalance = abs(inflow + outflow) / max(abs(inflow), abs(outflow))
+def _check_balance(network: NetworkFlow) -> None:
+    """Raise NotConverged if the inflow and the outflow of a network differ too much."""
+    inflow, outflow = network.inflow, network.outflow
+    largest = max(abs(inflow), abs(outflow))
+    imbalance = abs(inflow - outflow) / largest if network.solution is not None else 0.0
     if not imbalance <= _IMBALANCE:
         raise NotConverged(
             f"flow along spiral grooves: inflow and outflow differ by {imbalance:.1e}",
             imbalance,
         )
-    return potential, at_both_ends

@@ -14,12 +14,12 @@ from .grid import Stencil, gap_on_links, link_weights
 from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
 from .problem import (
     MAX_IMBALANCE,
-    PLAIN_SOLVERS,
+    MESH_SOLVERS,
     check_solver,
     unit_spacing,
     validated_gap,
 )
-from .solvers.sparse import solve_sparse
+from .solvers.sparse import solve_spd
 
 #: Relative tolerances in the energy norm: of the first solution for the corrections, and of a second solution for the
 #: residual that the first solution has left.
@@ -92,7 +92,7 @@ def permeability_tensor(
     """
     h, (d1, d2) = validated_gap(gap, spacing)
     h = gap_by_law(h, law, pressure)
-    check_solver(solver, ("auto", *PLAIN_SOLVERS))
+    check_solver(solver, MESH_SOLVERS)
     n1, n2 = h.shape
     scale = float(h.max()) or 1.0
     d1, d2 = unit_spacing((d1, d2))
@@ -172,7 +172,7 @@ def _solve_corrections(
         ]
         if unknown.size:
             residual = np.stack(net_outflow, axis=1)[unknown]
-            correction[unknown] += solve_sparse(
+            correction[unknown] += solve_spd(
                 matrix, residual, rtol, solver, largest_residual=max(rtol, 1e-8)
             ).x
         drop = mean_drop + correction[end] - correction[start]

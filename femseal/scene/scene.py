@@ -326,14 +326,18 @@ class Scene:
         return np.array(entry_pressures)
 
     def leakage(self, seal: Seal, permeability: Any, rtol: float = 1e-5) -> Leakage:
-        """Compute the leakage of a seal at the inlet and outlet pressures of the scene, see `seal_leakage`."""
+        """Compute the leakage of a seal at the inlet and outlet pressures of the scene, see `seal_leakage`.
+
+        If the seal does not accept the solver that is named for the cells, its own solver is chosen automatically.
+        """
         return seal_leakage(
             seal,
             permeability,
             self.fluid,
             inlet_pressure=self.inlet_pressure,
             outlet_pressure=self.outlet_pressure,
-            solver=self.solver,
+            bounds=True,
+            solver=self.solver if self.solver in seal.solvers else "auto",
             rtol=rtol,
         )
 

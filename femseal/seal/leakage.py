@@ -39,7 +39,8 @@ def pressure_dependent_flow(
     Parameters
     ----------
     seal, fluid, bounds, solver, rtol
-        See `seal_leakage`. The bounds of the flow are computed with the permeability of the converged solution.
+        See `seal_leakage`. The iteration solves the flow with continuous pressures. The flow and its bounds are
+        computed with the permeability of the converged solution.
     table : PermeabilityTable
         Permeability at several fluid pressures.
     inlet, outlet : float
@@ -78,34 +79,29 @@ def pressure_dependent_flow(
         lowest, highest = _corner_range(seal, p, curve.shape)
         return curve.mean_between(lowest, highest, drop.mobility)
 
-    def solve(element_permeability: Array) -> tuple[float, Array, DarcyFlow]:
-        """Solve the linear flow problem; return the flow rate, the potential and the `DarcyFlow`."""
-        flow = seal.flow(element_permeability, solver=solver)
-        return flow.conductance, flow.potential, flow
+    def solve(element_permeability: Array) -> tuple[float, Array, None]:
+        """Solve the linear flow problem; return its upper bound, and the potential, which is all that is needed."""
+        flow = seal.conforming_flow(element_permeability, solver=solver)
+        return flow.conductance, flow.potential, None
 
-    uniform_potential = seal.flow(1.0, solver=solver).potential
+    uniform_potential = seal.conforming_flow(1.0, solver=solver).potential
     name = "flow through a seal"
     solved = fixed_point(permeability, solve, uniform_potential, rtol=rtol, name=name)
-    flow, element_permeability, rate = solved.solution, solved.coefficient, solved.rate
-    if bounds:
-        flow = seal.flow(element_permeability, bounds=True, solver=solver)
-        rate = flow.conductance
+    element_permeability = solved.coefficient
+    flow = seal.flow(element_permeability, bounds=bounds, solver=solver)
     fraction = np.clip(flow.potential, 0.0, 1.0)
     if drop.law.depends_on_pressure:
         # the flow through each element is the same in both potentials
         lowest, highest = _corner_range(seal, np.nan_to_num(fraction, nan=0.5), curve.shape)
         element_permeability = element_permeability * drop.steepness(lowest, highest)
-    return _in_viscous_potential(flow, rate, fraction, drop), element_permeability
+    return _in_viscous_potential(flow, fraction, drop), element_permeability
 
 
-def _in_viscous_potential(
-    flow: DarcyFlow, rate: float, fraction: Array, drop: PressureDrop
-) -> DarcyFlow:
+def _in_viscous_potential(flow: DarcyFlow, fraction: Array, drop: PressureDrop) -> DarcyFlow:
     """Convert a flow solution for the potential ψ to the potential φ of viscous flow.
 
     The given flow is for a difference of 1 in ψ between inlet and outlet, the returned flow for a difference of 1 in φ.
 
-    rate : flow rate for a difference of 1 in ψ [m³].
     fraction : potential ψ at the points, scaled to 1 at the inlet and 0 at the outlet.
     """
     # The difference of ψ between inlet and outlet is `factor` times the difference of φ. The flow for a difference of 1
@@ -114,7 +110,7 @@ def _in_viscous_potential(
     potential = drop.viscous_fraction(fraction)  # φ, scaled to 1 at the inlet and 0 at the outlet
     return replace(
         flow,
-        conductance=factor * rate,
+        conductance=factor * flow.conductance,
         lower=factor * flow.lower,
         upper=factor * flow.upper,
         potential=potential,
@@ -219,11 +215,11 @@ def seal_leakage(
         Fluid pressures at inlet and outlet [Pa], absolute for a gas.
     bounds : bool
         Whether to compute a `lower` and an `upper` bound of the leakage, which are NaN otherwise. If the permeability
-        is constant on each element, the exact leakage lies between the two bounds. The bounds of an `ElementSeal` are
-        always computed.
+        is constant on each element, the exact leakage lies between the two bounds. The leakage itself does not depend
+        on `bounds`.
     solver : str
         Solver of the linear system: "multigrid" or "elimination" for strips and rings only, "direct", "amg", or
-        "auto".
+        "auto". A solver that the seal does not accept raises an InputError.
     rtol : float
         Relative change of the leakage at which the iteration for a pressure-dependent permeability stops.
 
@@ -235,6 +231,9 @@ def seal_leakage(
         points that are connected only to the inlet, the pressure is the inlet pressure. At points that are connected
         only to the outlet, the pressure is the outlet pressure. The pressure is NaN at points without any connection to
         inlet or outlet.
+
+        The leakage of a strip or a ring is the geometric mean of the lower and the upper bound, whose errors nearly
+        cancel. The leakage of a `MeshSeal` is computed with continuous pressures and is equal to the upper bound.
 
     Raises
     ------
@@ -254,7 +253,6 @@ def seal_leakage(
     φ_in = potential_of(fluid, "inlet_pressure", inlet_pressure)
     φ_out = potential_of(fluid, "outlet_pressure", outlet_pressure)
     drop = φ_in - φ_out
-    bounds = bounds or seal.value_needs_bounds
     element_permeability = None
     if isinstance(permeability, PermeabilityTable):
         flow, element_permeability = pressure_dependent_flow(

@@ -21,7 +21,14 @@ from skfem import Mesh, MeshQuad1, MeshTri1
 from ..base import Array, Indices, InputError, Pair, to_si, to_text
 from ..flow.mesh import MeshOperators
 from ..flow.mesh_input import CLOSED_AXIS, is_connected, permeability_tensors, principal_values
-from ..flow.problem import LINEAR, PLAIN_SOLVERS, DarcyFlow, check_solver
+from ..flow.problem import (
+    LINEAR,
+    MESH_SOLVERS,
+    SOLVERS,
+    SPARSE_SOLVERS,
+    DarcyFlow,
+    check_solver,
+)
 from ..flow.rectangles import Rectangles
 from .lay import check_inlet
 from .plane import polygon_areas
@@ -87,6 +94,9 @@ def first_overlap(mesh: Mesh) -> tuple[int, ...]:
 class MeshSeal:
     """Define a seal of any plan shape by a mesh of linear triangles or quadrilaterals.
 
+    The flow is computed with continuous pressures (conforming elements). Its error decreases with the square of the
+    element size, and it is equal to the upper bound of the flow.
+
     Parameters
     ----------
     path : str, PathLike or Mesh
@@ -111,7 +121,8 @@ class MeshSeal:
     unit: str = field(default="m", repr=False)
     mesh: Mesh = field(init=False, repr=False, compare=False)
 
-    value_needs_bounds: ClassVar[bool] = False
+    #: Solvers that `flow` accepts.
+    solvers: ClassVar[tuple[str, ...]] = MESH_SOLVERS
 
     def __post_init__(self) -> None:
         check_inlet(self.inlet)
@@ -178,13 +189,20 @@ class MeshSeal:
         bounds : bool
             Whether to compute bounds of the flow as well.
         solver : str
-            "amg", "direct" or "auto". The solvers "multigrid" and "elimination" are only available for rectangular
-            elements; on a mesh, they are replaced by "auto".
+            "amg", "direct" or "auto".
+
+        Returns
+        -------
+        DarcyFlow
+            Flow with the potential at the vertices of the mesh. The conductance is equal to the upper bound.
         """
-        check_solver(solver)
-        solver = solver if solver in PLAIN_SOLVERS else "auto"
+        check_solver(solver, self.solvers)
         tensor = permeability_tensors(permeability, self.mesh.nelements)
         return MeshOperators(self.mesh, self.ends).flow(tensor, bounds=bounds, solver=solver)
+
+    def conforming_flow(self, permeability: Any, *, solver: str = "auto") -> DarcyFlow:
+        """Compute the flow without bounds, see `flow`."""
+        return self.flow(permeability, solver=solver)
 
 
 def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[str]:
@@ -355,8 +373,6 @@ class ElementSeal:
         Rectangular elements of a strip or a ring, for which a fast solver is available; None for other meshes.
     """
 
-    value_needs_bounds: ClassVar[bool] = True
-
     mesh: Mesh = field(repr=False)
     inlet: Indices = field(repr=False)
     outlet: Indices = field(repr=False)
@@ -364,6 +380,11 @@ class ElementSeal:
     outlines: Array = field(repr=False)
     axes: Array = field(repr=False)
     rectangles: Rectangles | None = field(default=None, repr=False)
+
+    @cached_property
+    def _rounded_axes(self) -> Array:
+        """The array `axes`, with 0 for rounding errors, so that a lay along an edge has a diagonal tensor."""
+        return np.where(np.abs(self.axes) <= _ROUNDING, 0.0, self.axes)
 
     @cached_property
     def _operators(self) -> MeshOperators:
@@ -412,23 +433,28 @@ class ElementSeal:
         if np.ndim(permeability) < 3:
             permeability = np.broadcast_to(permeability, (n, 2))
         principal = permeability_tensors(permeability, n)
-        # set rounding errors to 0, so that the tensor of a lay along an edge of the mesh stays diagonal
-        axes = np.where(np.abs(self.axes) <= _ROUNDING, 0.0, self.axes)
+        axes = self._rounded_axes
         # K_ab = Σ_ij P_ij e_ia e_jb for each element n, with the tensor P across (i, j = 0) and along (1) the lay, the
         # unit vectors e_0 and e_1 across and along the lay, and the mesh coordinates a and b
         return np.asarray(np.einsum("nij,nia,njb->nab", principal, axes, axes))
 
+    @cached_property
+    def solvers(self) -> tuple[str, ...]:
+        """Solvers that `flow` accepts: on rectangles whose edges are parallel to the lay all solvers."""
+        lay_is_along_edges = not (self._rounded_axes[..., 0] * self._rounded_axes[..., 1]).any()
+        return SOLVERS if self.rectangles is not None and lay_is_along_edges else MESH_SOLVERS
+
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Compute the flow for a potential of 1 at the inlet and 0 at the outlet.
+
+        The flow is the geometric mean of the upper bound and the lower bound.
 
         Parameters
         ----------
         permeability : float or array, (n,), (n, 2) or (n, 2, 2)
             Permeability of the n elements [m³], in one of the forms that the method `tensors` accepts.
         bounds : bool
-            Whether to compute a lower and an upper bound of the flow, and to return their geometric mean as the flow.
-            With bounds=False, the flow on a mesh is computed with linear elements and is an upper bound. The potential
-            does not depend on `bounds`.
+            Whether to return a lower and an upper bound of the flow, too.
         solver : str
             "multigrid" or "elimination" for rectangles whose lay is parallel to their edges, "amg" or "direct" on the
             mesh, or "auto".
@@ -439,38 +465,70 @@ class ElementSeal:
             Flow with the potential at the vertices of the mesh.
         """
         tensors = self.tensors(permeability)
-        # whether principal axes are not parallel to the coordinate axes of the mesh
-        is_oblique = bool(tensors[:, 0, 1].any())
-        needs_mesh = solver in PLAIN_SOLVERS or is_oblique
-        if self.rectangles is not None and not needs_mesh:
-            return self._flow_over_rectangles(self.rectangles, tensors, bounds, solver)
-        solver = solver if solver in PLAIN_SOLVERS else "auto"
-        flow = self._operators.flow(tensors, bounds=bounds, solver=solver)
-        if not bounds:
-            return flow
-        is_open = flow.lower > self._largest_flow_if_closed(permeability)
+        if self._is_network(tensors, solver):
+            assert self.rectangles is not None
+            k1, k2 = self._on_rectangles(tensors)
+            return self._at_vertices(self.rectangles.flow(k1, k2, bounds=bounds, solver=solver))
+        flow = self._operators.flow(tensors, bounds=True, solver=solver)
+        is_open = flow.lower > self._largest_flow_if_closed(tensors)
         lower = flow.lower if is_open else 0.0
         conductance = float(np.sqrt(lower) * np.sqrt(flow.upper))  # geometric mean of both bounds
-        return replace(flow, conductance=conductance, lower=lower, percolates=lower > 0)
+        return replace(
+            flow,
+            conductance=conductance,
+            percolates=lower > 0,
+            lower=lower if bounds else np.nan,
+            upper=flow.upper if bounds else np.nan,
+        )
 
-    def _flow_over_rectangles(
-        self, rectangles: Rectangles, tensors: Array, bounds: bool, solver: str
-    ) -> DarcyFlow:
-        """Compute the flow by the fast solver for rectangles, with the potential in the order of the mesh vertices."""
-        k1, k2 = (tensors[:, a, a].reshape(rectangles.shape) for a in (0, 1))
-        flow = rectangles.flow(k1, k2, bounds=bounds, solver=solver)
+    def conforming_flow(self, permeability: Any, *, solver: str = "auto") -> DarcyFlow:
+        """Compute the flow with continuous pressures, which is an upper bound of the flow.
+
+        The potential is equal to the potential that `flow` returns, but less work is needed.
+
+        permeability, solver : as in `flow`.
+        """
+        tensors = self.tensors(permeability)
+        if self._is_network(tensors, solver):
+            assert self.rectangles is not None
+            k1, k2 = self._on_rectangles(tensors)
+            return self._at_vertices(self.rectangles.conforming_flow(k1, k2, solver=solver))
+        return self._operators.flow(tensors, solver=solver)
+
+    def _is_network(self, tensors: Array, solver: str) -> bool:
+        """Check the solver, and return whether the flow is solved by the fast solvers for rectangles.
+
+        tensors : array (n, 2, 2), permeability in the coordinates of the mesh.
+        """
+        check_solver(solver, self.solvers)
+        # whether principal axes are not parallel to the coordinate axes of the mesh
+        is_oblique = bool(tensors[:, 0, 1].any())
+        needs_mesh = solver in SPARSE_SOLVERS or is_oblique
+        return self.rectangles is not None and not needs_mesh
+
+    def _on_rectangles(self, tensors: Array) -> tuple[Array, Array]:
+        """Return the permeabilities (rows, columns) along the two axes of the rectangles."""
+        assert self.rectangles is not None
+        k1, k2 = (tensors[:, a, a].reshape(self.rectangles.shape) for a in (0, 1))
+        return k1, k2
+
+    def _at_vertices(self, flow: DarcyFlow) -> DarcyFlow:
+        """Bring the potential of a flow over rectangles into the order of the vertices of the mesh."""
+        assert self.rectangles is not None
         potential, complement = np.empty((2, self.mesh.nvertices))
-        potential[rectangles.vertices] = flow.potential
-        complement[rectangles.vertices] = flow.complement
+        potential[self.rectangles.vertices] = flow.potential
+        complement[self.rectangles.vertices] = flow.complement
         return replace(flow, potential=potential, complement=complement)
 
-    def _largest_flow_if_closed(self, permeability: Any) -> float:
+    def _largest_flow_if_closed(self, tensors: Array) -> float:
         """Return the limit of the computed flow [m³] below which the seal counts as closed.
 
         An element that is closed along an axis gets a small permeability along this axis, see `_CLOSED_BELOW`. The
         computed flow through a closed seal is therefore not exactly 0, but it is smaller than the returned limit.
+
+        tensors : array (n, 2, 2), permeability in the coordinates of the mesh.
         """
-        smaller, larger = principal_values(self.tensors(permeability))
+        smaller, larger = principal_values(tensors)
         # elements that are closed along one of their axes, apart from rounding errors
         is_half_closed = (larger > 0) & (smaller <= 1e-14 * larger)
         if not is_half_closed.any():

@@ -8,6 +8,7 @@ is computed by `femseal.flow.rectangles`.
 A shape is a frozen dataclass with the properties and methods of the protocol `Seal`.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import pi
@@ -17,9 +18,8 @@ import numpy as np
 
 from ..base import Array, InputError, Pair, Shape, validate
 from ..flow import DarcyFlow
-from ..flow.law import checked_permeability
 from ..flow.mesh_input import permeability_tensors
-from ..flow.problem import PLAIN_SOLVERS, check_solver
+from ..flow.problem import MESH_SOLVERS, SOLVERS, SPARSE_SOLVERS, check_solver, checked_permeability
 from ..flow.rectangles import FEWEST_COLUMNS, Rectangles
 from .lay import check_ring
 from .mesh_seal import ElementSeal
@@ -30,14 +30,16 @@ class Seal(Protocol):
 
     Attributes
     ----------
-    value_needs_bounds : bool
-        Whether the flow is computed as the mean of a lower and an upper bound, so that `flow` must be called with
-        `bounds=True`.
+    solvers : tuple of str
+        Names of the solvers that `flow` accepts.
     element_shapes : tuple of tuple of int
         Allowed shapes of a permeability array that does not contain tensors. The first allowed shape is (n_elements,).
     """
 
-    value_needs_bounds: ClassVar[bool]
+    @property
+    def solvers(self) -> tuple[str, ...]:
+        """Names of the solvers that `flow` accepts."""
+        ...
 
     @property
     def element_shapes(self) -> tuple[tuple[int, ...], ...]:
@@ -59,7 +61,18 @@ class Seal(Protocol):
         ...
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
-        """Check the permeability, and compute the flow for a potential of 1 at the inlet and 0 at the outlet."""
+        """Check the permeability, and compute the flow for a potential of 1 at the inlet and 0 at the outlet.
+
+        The conductance of the flow is the value that is reported as the leakage; it does not depend on `bounds`. With
+        `bounds`, the flow has a lower and an upper bound, too.
+        """
+        ...
+
+    def conforming_flow(self, permeability: Any, *, solver: str = "auto") -> DarcyFlow:
+        """Compute the flow with continuous pressures, whose conductance is an upper bound.
+
+        The potential is equal to the potential that `flow` returns, but less work is needed.
+        """
         ...
 
 
@@ -67,7 +80,8 @@ class PeriodicSeal:
     """Compute the flow over strips and rings. A subclass must define the properties `cells` and `rectangles`."""
 
     cells: Shape
-    value_needs_bounds: ClassVar[bool] = False
+    #: Solvers that `flow` accepts.
+    solvers: ClassVar[tuple[str, ...]] = SOLVERS
 
     @property
     def rectangles(self) -> Rectangles:
@@ -92,6 +106,8 @@ class PeriodicSeal:
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Compute the flow for a potential of 1 at the inlet and 0 at the outlet.
 
+        The flow is the geometric mean of the upper bound and the lower bound.
+
         Parameters
         ----------
         permeability : float or array
@@ -99,11 +115,11 @@ class PeriodicSeal:
             2), along x1 and x2 of a strip or along radius and angle of a ring. If the n = n1 n2 elements are in a
             single sequence, row by row, the shapes are (n,) and (n, 2), or (n, 2, 2) for tensors.
         bounds : bool
-            Whether to compute a `lower` and an `upper` bound, which include the error of the solver.
+            Whether to return a `lower` and an `upper` bound, which include the error of the solver.
         solver : str
             "multigrid" or "elimination" (fast solvers for rectangles), "amg" or "direct" (on a scikit-fem mesh), or
-            "auto". For tensors whose principal axes are not parallel to the edges of the rectangles, the flow is always
-            solved on the mesh.
+            "auto". The fast solvers do not accept tensors whose principal axes are not parallel to the edges of the
+            rectangles.
 
         Returns
         -------
@@ -113,20 +129,39 @@ class PeriodicSeal:
         Raises
         ------
         InputError
-            The permeability has a wrong shape, or is negative or not finite.
+            The permeability has a wrong shape, or is negative or not finite; or the solver does not accept it.
         NotConverged
             See `femseal.flow.solve_flow`.
         """
-        check_solver(solver)
         k = self._element_permeability(permeability)
-        are_tensors = k.ndim == 4
-        is_oblique = are_tensors and bool(k[..., 0, 1].any())
-        if solver in PLAIN_SOLVERS:
-            return self._flow_on_mesh(k, bounds, solver)
-        if is_oblique:
-            return self._flow_on_mesh(k, bounds, "auto")
-        k1, k2 = (k[..., 0, 0], k[..., 1, 1]) if are_tensors else (k[..., 0], k[..., 1])
-        return self.rectangles.flow(k1, k2, bounds=bounds, solver=solver)
+        if self._needs_mesh(k, solver):
+            return self._flow_on_mesh(
+                k, lambda mesh, values: mesh.flow(values, bounds=bounds, solver=solver)
+            )
+        return self.rectangles.flow(*_principal_values(k), bounds=bounds, solver=solver)
+
+    def conforming_flow(self, permeability: Any, *, solver: str = "auto") -> DarcyFlow:
+        """Compute the flow with continuous pressures, whose conductance is an upper bound.
+
+        The potential is equal to the potential that `flow` returns, but less work is needed.
+
+        permeability, solver : as in `flow`.
+        """
+        k = self._element_permeability(permeability)
+        if self._needs_mesh(k, solver):
+            return self._flow_on_mesh(
+                k, lambda mesh, values: mesh.conforming_flow(values, solver=solver)
+            )
+        return self.rectangles.conforming_flow(*_principal_values(k), solver=solver)
+
+    def _needs_mesh(self, permeability: Array, solver: str) -> bool:
+        """Check the solver, and return whether the flow is solved on a mesh instead of a network of links.
+
+        permeability : array (n1, n2, 2), or (n1, n2, 2, 2) for tensors.
+        """
+        is_oblique = permeability.ndim == 4 and bool(permeability[..., 0, 1].any())
+        check_solver(solver, MESH_SOLVERS if is_oblique else self.solvers)
+        return is_oblique or solver in SPARSE_SOLVERS
 
     def _element_permeability(self, permeability: Any) -> Array:
         """Bring a permeability into the shape (n1, n2, 2), or (n1, n2, 2, 2) for tensors."""
@@ -151,11 +186,15 @@ class PeriodicSeal:
             k = k.reshape(n1, n2, 2)
         return np.broadcast_to(k, (n1, n2, 2))
 
-    def _flow_on_mesh(self, permeability: Array, bounds: bool, solver: str) -> DarcyFlow:
+    def _flow_on_mesh(
+        self, permeability: Array, solve: Callable[[ElementSeal, Array], DarcyFlow]
+    ) -> DarcyFlow:
         """Compute the flow by scikit-fem for a permeability (n1, n2, 2) or (n1, n2, 2, 2).
 
         A periodic mesh needs at least `FEWEST_COLUMNS` columns. If the seal has fewer columns, the mesh contains
         several copies of the seal along its length. The returned flow is the flow through a single copy of the seal.
+
+        solve : function that computes the flow through a seal on a mesh from the permeability of its elements.
         """
         n2 = self.cells[1]
         repetitions = -(-FEWEST_COLUMNS // n2)  # rounded up
@@ -170,17 +209,24 @@ class PeriodicSeal:
             axes=np.broadcast_to(np.eye(2), (len(outlines), 2, 2)),
         )
         k = np.concatenate([permeability] * repetitions, axis=1)
-        flow = elements.flow(k.reshape(-1, *k.shape[2:]), bounds=True, solver=solver)
+        flow = solve(elements, k.reshape(-1, *k.shape[2:]))
         # vertices of the columns without the repetitions, (n1 + 1, n2)
         vertices = repeated.vertices[:, :n2]
         return replace(
             flow,
             conductance=flow.conductance / repetitions,
-            lower=flow.lower / repetitions if bounds else np.nan,
-            upper=flow.upper / repetitions if bounds else np.nan,
+            lower=flow.lower / repetitions,
+            upper=flow.upper / repetitions,
             potential=flow.potential[vertices],
             complement=flow.complement[vertices],
         )
+
+
+def _principal_values(permeability: Array) -> tuple[Array, Array]:
+    """Return the permeabilities (n1, n2) along x1 and along x2, from an array (n1, n2, 2) or (n1, n2, 2, 2)."""
+    if permeability.ndim == 4:
+        return permeability[..., 0, 0], permeability[..., 1, 1]
+    return permeability[..., 0], permeability[..., 1]
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,12 @@ from femseal.base import InputError, NotConverged
 from femseal.flow import Stencil
 from femseal.flow.forms import darcy_flow
 from femseal.flow.percolation import nodes_reached
+from femseal.flow.solvers import sparse
 from femseal.flow.solvers.amg import solve_amg
 from femseal.flow.solvers.choice import solve_flow
-from femseal.flow.solvers.direct import Ends, solve_direct
-from femseal.flow.solvers.sparse import solve_sparse
+from femseal.flow.solvers.direct import solve_direct, solve_direct_between
+from femseal.flow.solvers.linear_solution import Ends
+from femseal.flow.solvers.sparse import solve_between_ends, solve_spd
 from femseal.topography import self_affine
 
 
@@ -181,8 +183,8 @@ def test_a_factorisation_keeps_its_digits_where_the_links_to_the_ends_are_known(
     links[[int(place * 1500), 1100]] = weak
     matrix, rhs = chain(links)
     at_outlet = np.r_[np.zeros(len(rhs) - 1), links[-1]]
-    ends = Ends(np.array([1.0, 0.0]), np.array([rhs, at_outlet]))
-    solution = solve_direct(matrix, rhs, ends=ends)
+    ends = Ends(rhs, at_outlet)
+    solution = solve_direct_between(matrix, ends)
     resistance = np.cumsum(1 / links)
     flow = 1 / resistance[-1]
     assert solution.residual < 1e-8
@@ -228,14 +230,31 @@ def test_what_it_cannot_solve_is_refused():
 
 def test_the_solver_is_chosen_by_its_name_and_the_size():
     matrix, rhs = chain(np.linspace(1, 3, 900))
-    assert solve_sparse(matrix, rhs, 1e-8).solver == "direct"
-    assert solve_sparse(matrix, rhs, 1e-8, "amg").solver == "amg"
+    assert solve_spd(matrix, rhs, 1e-8).solver == "direct"
+    assert solve_spd(matrix, rhs, 1e-8, "amg").solver == "amg"
     with pytest.raises(
         InputError, match=r"^solver: given 'fast', expected one of auto, amg, direct"
     ):
-        solve_sparse(matrix, rhs, 1e-8, "fast")
+        solve_spd(matrix, rhs, 1e-8, "fast")
     with pytest.raises(NotConverged):
         solve_direct(sp.csr_array([[1.0, -1.0], [-1.0, 1.0]]), np.ones(2))
+
+
+def test_a_solver_that_is_named_is_used_or_fails(monkeypatch):
+    """Only "auto" goes on with a factorisation if multigrid does not converge."""
+    links = np.linspace(1, 3, 900)
+    matrix, rhs = chain(links)
+    ends = Ends(rhs, np.r_[np.zeros(len(rhs) - 1), links[-1]])
+
+    def fail(*_matrix, **_options):
+        raise NotConverged("flow: did not converge", 1.0)
+
+    monkeypatch.setattr(sparse, "solve_amg", fail)
+    monkeypatch.setattr(sparse, "DIRECT_UNKNOWNS", 10)
+    for solve, right in ((solve_spd, rhs), (solve_between_ends, ends)):
+        assert solve(matrix, right, 1e-8).solver == "direct"
+        with pytest.raises(NotConverged):
+            solve(matrix, right, 1e-8, "amg")
 
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6])

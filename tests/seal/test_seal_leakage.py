@@ -1,12 +1,13 @@
 """Seals: closed forms, percolation, bounds, fluids, meshes by name, and every bad input."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
 import pytest
 from networks import network, solve_links
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 from skfem import MeshLine, MeshQuad, MeshTri, MeshTri2
 
 from femseal.analytic import annulus_rate
@@ -14,7 +15,17 @@ from femseal.base import InputError
 from femseal.flow.error_bound import energy_gap
 from femseal.flow.permeability_table import Mobility, PressureCurve
 from femseal.fluids import IdealGas, Liquid
-from femseal.seal import AnnularSeal, MeshSeal, RectangularSeal, seal_leakage
+from femseal.scene import Scene
+from femseal.seal import (
+    AnnularLayout,
+    AnnularSeal,
+    MeshLayout,
+    MeshSeal,
+    RectangularLayout,
+    RectangularSeal,
+    seal_leakage,
+)
+from femseal.seal.tiles import CellSize
 
 MESHES = Path(__file__).parents[2] / "meshes"
 RING = MESHES / "ring.msh"
@@ -270,6 +281,59 @@ def test_a_ready_mesh_has_bounds():
     curved = MeshTri2.from_mesh(mesh).with_boundaries(mesh.boundaries)
     with pytest.raises(InputError, match=r"^path: given a MeshTri2, expected .* linear elements"):
         MeshSeal(curved, "a", "b")
+
+
+# --- the quantity and the solver ---
+
+
+@pytest.mark.parametrize(
+    "layout",
+    [
+        RectangularLayout(),
+        RectangularLayout(lay={"angle": 0.4}),
+        AnnularLayout(1e-3, 2e-3),
+        MeshLayout(RING, "m", "inlet", "outlet"),
+    ],
+    ids=lambda layout: str(layout)[:12],
+)
+def test_the_leakage_does_not_depend_on_whether_bounds_are_asked_for(layout):
+    length = 6e-3 if layout.has_length else None
+    seal = layout.lay_out(CellSize((2e-4, 3e-4), 5, length=length)).seal
+    k = random_elements((len(seal.outlines), 1), 1.5)[:, 0]
+    alone, bounded = (seal_leakage(seal, k, WATER, inlet_pressure=1e6, bounds=b) for b in (0, 1))
+    assert_allclose(alone.volume_rate, bounded.volume_rate, rtol=1e-7)
+    assert_allclose(bounded.volume_rate**2, bounded.lower * bounded.upper, rtol=1e-7)
+    assert_array_equal(alone.fluid_pressure, bounded.fluid_pressure)
+    assert np.isnan([alone.lower, alone.upper]).all()
+    conforming = seal.conforming_flow(k)
+    flow = seal.flow(k, bounds=True)
+    assert_allclose(conforming.conductance, flow.upper, rtol=1e-7)
+    assert_array_equal(conforming.potential, flow.potential)
+
+
+@pytest.mark.parametrize("solver", ["multigrid", "elimination"])
+def test_a_fast_solver_is_refused_where_it_cannot_be_used(solver):
+    oblique = np.tile([[2e-18, 1e-18], [1e-18, 2e-18]], (60, 1, 1))
+    along = np.tile([[2e-18, 0.0], [0.0, 1e-18]], (60, 1, 1))
+    assert leak(along, solver=solver).solver == solver
+    turned = RectangularLayout(lay={"angle": 0.4}).lay_out(CellSize((5e-4, 5e-4), 4, length=4e-3))
+    for seal, k in (
+        (MeshSeal(RING, "inlet", "outlet"), 1e-18),
+        (STRIP, oblique),
+        (turned.seal, np.tile([2e-18, 1e-18], (turned.count, 1))),
+    ):
+        expected = rf"^solver: given '{solver}', expected one of auto, amg, direct"
+        with pytest.raises(InputError, match=expected):
+            leak(k, seal, solver=solver)
+
+
+def test_a_case_may_name_a_fast_solver_for_its_cells_and_have_a_seal_on_a_mesh():
+    scene = SimpleNamespace(
+        fluid=WATER, inlet_pressure=1e6, outlet_pressure=0.0, solver="elimination"
+    )
+    on_mesh = Scene.leakage(scene, MeshSeal(RING, "inlet", "outlet"), 1e-18)
+    assert on_mesh.solver == "direct"
+    assert Scene.leakage(scene, STRIP, 1e-18).solver == "elimination"
 
 
 # --- bad input ---

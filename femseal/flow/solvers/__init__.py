@@ -1,1 +1,45 @@
-"""Solve the linear systems of the flow by multigrid, elimination, pyamg or a sparse factorisation."""
+"""Solve the linear systems of the flow by multigrid, elimination, pyamg or a sparse factorisation.
+
+**Who solves what.** The form of the operator decides between the two halves of this picture::
+
+    cells and faces;                                     seals on a mesh, or with an oblique lay;
+    strips and rings whose lay is along or across        spiral grooves; permeability tensors;
+    the seal                                             everything else on request ("amg", "direct")
+                    |                                                     |
+       grid.Stencil: four links at each node             sparse matrix, assembled by scikit-fem
+                    |                                                     |
+           choice.solve_flow                             sparse.solve_between_ends: an inlet and an outlet
+                    |                                    sparse.solve_spd: any other right-hand side
+                    |                                                     |
+          +---------+---------+                                 +---------+---------+
+     multigrid.py       elimination.py                        amg.py            direct.py
+     hierarchy.py       (star-mesh)                           (pyamg)           (SuperLU)
+
+**What "auto" chooses.** The first line that applies decides. All numbers are in `thresholds`, except the last two,
+which are in `multigrid`.
+
+=====================  ======================================================  ========================================
+operator               condition                                               solver
+=====================  ======================================================  ========================================
+stencil                no open path, or no node between inlet and outlet       none: the potential is known
+stencil                more than COARSEST_NODES nodes on the coarsest grid,    elimination
+                       that is, a long and narrow network
+stencil                at most ELIMINATED_NODES open nodes n, and              elimination
+                       n <= FEWEST exp(GROWTH r), with the roughness r
+stencil                at most ELIMINATED_NODES open nodes, and pixels         elimination
+                       longer than LARGEST_PIXEL_RATIO times their width
+stencil                any other                                               multigrid; elimination if it does not
+                                                                               converge within PATIENCE iterations
+                                                                               (MOST_ITERATIONS if there are more than
+                                                                               ELIMINATED_NODES open nodes)
+sparse matrix          at most DIRECT_UNKNOWNS unknowns                        direct
+sparse matrix          more unknowns                                           amg; direct if it does not converge
+=====================  ======================================================  ========================================
+
+**A solver that is chosen by its name** solves the system or raises `NotConverged`; a solver of the other half of the
+picture raises `InputError`. There is one exception: on long pixels, "multigrid" gives way to elimination, because its
+rigorous error bound would reject up to half of such flows. `DarcyFlow.solver` names the solver that was used.
+
+**Multigrid and narrow links.** Links below RESOLVED are left out, and nodes that are only connected by links below
+CONTRIBUTING are eliminated afterwards. The error of multigrid is bounded rigorously after BOUNDED_FROM iterations.
+"""

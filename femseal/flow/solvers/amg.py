@@ -18,7 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ...base import Array, NotConverged
-from .direct import LinearSolution, factorised, imbalance_of, two_sum
+from .direct import factorised
+from .linear_solution import LinearSolution, conjugate_gradients, imbalance_of, two_sum
 
 #: Largest number of unknowns of the coarsest level, which is factorised.
 _COARSEST = 500
@@ -178,7 +179,9 @@ class _System:
             if error <= max(_CONFIRMED * rtol, _LEAST_ERROR) and is_balanced:
                 return LinearSolution(x, complement, iterations, float(error), "amg", remainder)
         raise NotConverged(
-            f"flow: the potential has an error of {error:.1e}, wanted {rtol:.1e}", float(error)
+            f"flow: the potential has an error of {error:.1e}, wanted {rtol:.1e}; "
+            "try the solver 'auto' or 'direct'",
+            float(error),
         )
 
     def _apply(self, sums: Array, x: Array) -> Array:
@@ -193,37 +196,28 @@ class _System:
 
         start : value of x before the correction y is added.
         """
-        a = self.matrix
-        correction = np.zeros_like(r)
-        r = r.copy()
         total = float(b.sum()) if unit_drop else 0.0
         at_start = float(b @ start)
-        z = self.precondition(r)
-        d = z
-        rz = float(r @ z)
-        iteration = 0
-        for iteration in range(1, _MAX_ITERATIONS + 1):
-            ad = a @ d
-            curvature = float(d @ ad)
-            if not (curvature > 0 and rz > 0):
-                break
-            step = rz / curvature
-            correction += step * d
-            r -= step * ad
-            z = self.precondition(r)
-            previous_rz = rz
-            rz = float(r @ z)
+
+        def is_done(correction: Array, residual: Array, rz: float) -> bool:
+            """Return whether the potential is accurate, and whether inflow and outflow agree."""
             energy = abs(total - at_start - float(b @ correction))
             is_accurate = rz <= max(_STOPPING * rtol, _LEAST_ERROR) ** 2 * energy
-            if is_accurate:
-                allowed_imbalance = _largest_imbalance(rtol) * energy
-                if not unit_drop or imbalance_of(r, start + correction) <= allowed_imbalance:
-                    return correction, iteration
-            d = z + rz / previous_rz * d
-        raise NotConverged(
-            f"flow: algebraic multigrid did not converge within {iteration} iterations; try a direct solver",
-            rz,
+            if not is_accurate:
+                return False
+            allowed_imbalance = _largest_imbalance(rtol) * energy
+            return not unit_drop or imbalance_of(residual, start + correction) <= allowed_imbalance
+
+        iteration = conjugate_gradients(
+            self.matrix.__matmul__, self.precondition, r, is_done, _MAX_ITERATIONS
         )
+        if not iteration.converged:
+            raise NotConverged(
+                f"flow: algebraic multigrid did not converge within {iteration.number} iterations; "
+                "try the solver 'auto' or 'direct'",
+                iteration.product,
+            )
+        return iteration.x, iteration.number
 
 
 def _largest_imbalance(rtol: float) -> float:

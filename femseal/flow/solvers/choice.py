@@ -1,8 +1,8 @@
 """Choose a solver for the flow through a network of links, solve the flow, and check the solution.
 
-Multigrid is used for large networks with smooth conductances. Elimination is used for small networks, for rough
-conductances, for elongated pixels, and if multigrid does not converge. Nodes that are not connected to both the inlet
-and the outlet are left out. If there is no open path from the inlet to the outlet, the flow is exactly 0.
+The table in `femseal.flow.solvers` says which solver is used, and the module `thresholds` contains its numbers. Nodes
+that are not connected to both the inlet and the outlet are left out. If there is no open path from the inlet to the
+outlet, the flow is exactly 0.
 """
 
 from __future__ import annotations
@@ -20,31 +20,19 @@ from ..percolation import BOTH_ENDS, PreparedLinks, closed, nodes_reached, prepa
 from ..problem import FAST_SOLVERS, MAX_IMBALANCE, DarcyFlow, check_solver
 from .elimination import eliminate
 from .multigrid import BOUNDED_FROM, COARSEST_NODES, coarsest_nodes, solve_multigrid
+from .thresholds import (
+    CLOSED,
+    CONTRIBUTING,
+    ELIMINATED_NODES,
+    FEWEST,
+    GROWTH,
+    LARGEST_PIXEL_RATIO,
+    MOST_ITERATIONS,
+    PATIENCE,
+    RESOLVED,
+    SAMPLED_ROWS,
+)
 
-#: Largest number of nodes of a network for which elimination may be the first choice (about 4 GB at the limit).
-ELIMINATED_NODES = 5_000_000
-#: Largest ratio of the longer to the shorter side of a pixel for which multigrid is used. On gaps of 64² and 128²
-#: pixels multigrid takes as long as elimination at ratios of 2.5 to 3.5, and 2 to 6 times as long at ratios of 4 to 12.
-#: At a ratio of 28 it fails in 1 of 12 cases and once had an error of 22 %. The reason is that multigrid coarsens the
-#: grid along both axes, so that the slowest error components are only found late.
-_LARGEST_PIXEL_RATIO = 3.5
-#: Approximate number of rows of links that are sampled to estimate the pixel ratio and the contrast of neighbouring
-#: links.
-_SAMPLED_ROWS = 64
-#: Links with a conductance below this fraction of the largest conductance hardly contribute to sums of conductances. At
-#: nodes that are only connected by such links, an iteration converges slowly or not at all.
-_CONTRIBUTING = 1e-8
-#: Links with a conductance below this fraction of the largest conductance are lost by rounding in sums of conductances,
-#: so that the matrix may become indefinite.
-_RESOLVED = 1e-13
-#: Multigrid is tried first if there are more than _FEWEST exp(_GROWTH r) nodes, where r is the result of `_roughness`.
-#: A pair of an open and a closed link contributes _CLOSED to r. On 245 networks of 24² to 512² nodes (independent links
-#: and pixels, contacts, and faces cut by a plane) this choice takes 1.1 times as long on average as the faster solver.
-_FEWEST, _GROWTH, _CLOSED = 15, 3.5, 4.0
-#: Number of iterations after which multigrid is given up and elimination is used, if elimination is possible.
-_PATIENCE = 120
-#: Largest number of iterations if the caller chose multigrid, or if elimination would need too much memory.
-_MOST_ITERATIONS = 600
 #: Potential of a node without flow, for each result of `nodes_reached`: 0 for a node in a pocket, 1 for a node that is
 #: connected to the inlet only, and 2 for a node that is connected to the outlet only. For result 3, the potential is
 #: computed.
@@ -156,10 +144,10 @@ def _solve(
     can_eliminate = nodes <= ELIMINATED_NODES
     if solver == "elimination" or (solver == "auto" and not _suits_multigrid(stencil, nodes)):
         return _solve_by_elimination(stencil, keep)
-    has_long_pixels = _pixel_ratio(stencil) > _LARGEST_PIXEL_RATIO
+    has_long_pixels = _pixel_ratio(stencil) > LARGEST_PIXEL_RATIO
     if has_long_pixels and can_eliminate:
         return _solve_by_elimination(stencil, keep)
-    limit = _PATIENCE if solver == "auto" and can_eliminate else _MOST_ITERATIONS
+    limit = PATIENCE if solver == "auto" and can_eliminate else MOST_ITERATIONS
     # on long pixels the estimate of the error cannot be trusted, so that the error is bounded from the beginning
     bounded_from = 0 if has_long_pixels else BOUNDED_FROM
     try:
@@ -178,16 +166,16 @@ def _suits_multigrid(stencil: Stencil, nodes: int) -> bool:
         return False
     if nodes > ELIMINATED_NODES:
         return True
-    roughness = _roughness(stencil.along, max(1, n1 // _SAMPLED_ROWS))
-    # multigrid is faster from _FEWEST exp(_GROWTH r) nodes on; logarithms are compared, so that nothing can overflow
-    return log(nodes / _FEWEST) > _GROWTH * roughness
+    roughness = _roughness(stencil.along, max(1, n1 // SAMPLED_ROWS))
+    # multigrid is faster from FEWEST exp(GROWTH r) nodes on; logarithms are compared, so that nothing can overflow
+    return log(nodes / FEWEST) > GROWTH * roughness
 
 
 @compiled()
 def _roughness(along, step):
     """Compute the mean difference of ln c between neighbouring links in every `step`-th row.
 
-    If only one of two neighbouring links is open, their difference counts as `_CLOSED`.
+    If only one of two neighbouring links is open, their difference counts as `CLOSED`.
     """
     total, pairs = 0.0, 1  # one additional pair avoids a division by 0
     for i in range(0, along.shape[0], step):
@@ -198,7 +186,7 @@ def _roughness(along, step):
                 total += abs(np.log(here / before))
                 pairs += 1
             elif here > 0.0 or before > 0.0:
-                total += _CLOSED
+                total += CLOSED
                 pairs += 1
             before = here
     return total / pairs
@@ -211,7 +199,7 @@ def _pixel_ratio(stencil: Stencil) -> float:
     gap is isotropic, the geometric means of the conductances along x1 and along x2 therefore have the ratio (Δ2/Δ1)².
     The geometric means are computed from a sample of the rows of links.
     """
-    step = max(1, len(stencil.along) // _SAMPLED_ROWS)
+    step = max(1, len(stencil.along) // SAMPLED_ROWS)
     means = []
     for links in (stencil.along[::step], stencil.across[::step]):
         is_open = links[links > 0]
@@ -256,12 +244,12 @@ def _solve_by_multigrid(
     through: Flags | None = None
     # the largest conductance is close to 1, because `prepare_links` has scaled the conductances
     has_narrow_links = any(
-        ((c > 0) & (c < _CONTRIBUTING)).any() for c in (stencil.along, stencil.across)
+        ((c > 0) & (c < CONTRIBUTING)).any() for c in (stencil.along, stencil.across)
     )
     if has_narrow_links:
         isolated, through = _isolated_nodes(stencil, keep)
     lower_bound = 0.0
-    with closed(stencil, through, _RESOLVED):
+    with closed(stencil, through, RESOLVED):
         solution = solve_multigrid(stencil, rtol, limit, isolated, field_rtol, bounded_from)
         potential, error = solution.potential, solution.error
         if isolated is not None:
@@ -290,20 +278,20 @@ def _isolated_nodes(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags 
     """Find isolated nodes, at which multigrid converges slowly or not at all.
 
     An isolated node is connected to the inlet and to the outlet, but each path contains a link with a conductance below
-    `_CONTRIBUTING`.
+    `CONTRIBUTING`.
 
     Returns
     -------
     isolated : flags (n1 − 1, n2) of the isolated inner nodes; None if there are no isolated nodes.
     through : flags (n1 + 1, n2) of the nodes that remain connected to both inlet and outlet if all links with a
-        conductance below `_RESOLVED` are closed; None if there are no isolated nodes.
+        conductance below `RESOLVED` are closed; None if there are no isolated nodes.
     """
     along, across = stencil.along, stencil.across
-    reached_by_wide_links = nodes_reached(along, across, _CONTRIBUTING)
+    reached_by_wide_links = nodes_reached(along, across, CONTRIBUTING)
     isolated = (keep & (reached_by_wide_links == 0))[1:-1]
     if not isolated.any():
         return None, None
-    return isolated, nodes_reached(along, across, _RESOLVED) == BOTH_ENDS
+    return isolated, nodes_reached(along, across, RESOLVED) == BOTH_ENDS
 
 
 class _Statistics(NamedTuple):
