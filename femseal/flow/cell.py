@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base import Array, Flags, Lengths, Pair, Shown, Singles, validate
+from ..base import Array, Lengths, Pair, Shown, validate
 from ..base.compiled import compiled, inner, over, rows, thread_count, using_threads
 from .core_flux import core_ratio
 from .grid import Stencil, gap_on_rows, link_weights
@@ -22,11 +22,6 @@ from .percolation import prepare_links
 from .plain import solve_plain
 from .problem import SPARSE_SOLVERS, DarcyFlow, check_solver, unit_spacing, validated_cell
 from .solvers.choice import solve_prepared
-from .solvers.hierarchy import levels_of_operator
-from .solvers.multigrid import cycle
-
-#: `harmonic_fill` stops at this relative error in the energy norm, or after this number of iterations.
-_FILL_RTOL, _FILL_ITERATIONS = 1e-5, 100
 
 
 def cell_stencil(gap: Array, spacing: Pair, sides: str) -> Stencil:
@@ -302,74 +297,3 @@ def pixel_dissipation(
     # links to the inlet and the outlet have one pixel only: doubled here, because the next line halves them
     along[[0, -1]] *= 2
     return (along[:-1] + along[1:] + across + np.roll(across, 1, axis=1)) / 2
-
-
-def harmonic_fill(values: Array) -> Array:
-    """Fill the undefined (NaN) values of a map by solving Laplace's equation with the defined values prescribed.
-
-    The map (n1, n2) is periodic along x2 and has zero normal derivatives at the first row and at the last row. A map
-    without any defined value is returned unchanged. Laplace's equation is discretised by a five-point stencil, and
-    solved in single precision by conjugate gradients. The preconditioner is one multigrid cycle.
-    """
-    unknown = np.isnan(values)
-    if unknown.all() or not unknown.any():
-        return values
-    lowest = np.nanmin(values)
-    height = np.nanmax(values) - lowest or 1.0
-    known = np.where(unknown, 0.0, (values - lowest) / height)
-    rhs = unknown * _sum_of_neighbours(known.astype(np.float32))
-    filled = _solve_laplace(unknown, rhs)
-    return np.where(unknown, lowest + height * np.clip(filled, 0.0, 1.0), values)
-
-
-def _solve_laplace(unknown: Flags, r: Singles) -> Singles:
-    """Solve A x = r for the discrete Laplace operator A at the unknown pixels.
-
-    Conjugate gradients are preconditioned with one multigrid cycle. The right-hand side r is overwritten with the
-    residual.
-    """
-    n1, n2 = r.shape
-    centre = unknown * _sum_of_neighbours(np.ones_like(r))
-    # (diagonal, link to the right, link to the next row) of each pixel, with a border of one pixel
-    operator = np.zeros((3, n1 + 2, n2 + 2))
-    operator[0, 1:-1, 1:-1] = centre
-    operator[1, 1:-1, 1:-1] = unknown & np.roll(unknown, -1, 1) & (n2 > 1)
-    operator[2, 1:-2, 1:-1] = unknown[:-1] & unknown[1:]
-    # the border along x2 continues the operator periodically
-    operator[:, :, 0] = operator[:, :, -2]
-    operator[:, :, -1] = operator[:, :, 1]
-    levels, coarsest = levels_of_operator(operator, True)
-    allowed = _FILL_RTOL**2 * float(np.vdot(r, r)) / 4
-    x = np.zeros_like(r)
-    p = np.zeros_like(r)
-    previous = np.inf  # product r·z of the previous iteration
-    for _ in range(_FILL_ITERATIONS):
-        # the cycle reads its right-hand side from `b` of the finest level, and writes its result to `r`
-        levels[0].b[1:-1, 1:-1] = r
-        cycle(levels, coarsest, True)
-        z = unknown * levels[0].r[1:-1, 1:-1]
-        product = float(np.vdot(r, z))
-        if not product > allowed:
-            break
-        p = z + np.float32(product / previous) * p
-        a_p = centre * p - unknown * _sum_of_neighbours(p)
-        step = np.float32(product / float(np.vdot(p, a_p)))
-        x += step * p
-        r -= step * a_p
-        previous = product
-    return x
-
-
-def _sum_of_neighbours(a: Singles) -> Singles:
-    """Add up the values of the four neighbours of each pixel.
-
-    The map is periodic along x2. Before the first row and after the last row of the map, the values are 0. In a map
-    with a single column, a pixel has no neighbours along x2.
-    """
-    total = np.zeros_like(a)
-    if a.shape[1] > 1:
-        total += np.roll(a, 1, 1)
-        total += np.roll(a, -1, 1)
-    total[1:] += a[:-1]
-    total[:-1] += a[1:]
-    return total

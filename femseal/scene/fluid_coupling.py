@@ -25,7 +25,7 @@ import numpy as np
 from ..base import Array, InputError, Shape, to_text
 from ..contact import Contact, ContactLaw, HalfSpace, contact_law, solve_contact
 from ..face.cell_flow import FaceFlow, Failed, FlowSettings, attempt, solve_surface_flow
-from ..flow.cell import harmonic_fill
+from ..flow.harmonic import harmonic_fill
 from ..flow.pressure_drop import pressure_between
 from ..fluids import Fluid
 from ..topography import Patches

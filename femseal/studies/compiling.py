@@ -23,8 +23,8 @@ from ..base import Array
 from ..base.stage import Mapper, Stage
 from ..execution.run import COMPILING, Progress, no_progress
 from ..face.cell_flow import FlowSettings, cell_permeabilities
-from ..flow.cell import harmonic_fill
 from ..flow.grid import energy_of
+from ..flow.harmonic import harmonic_fill
 from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import build_levels
 

@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.sparse import coo_array
 from scipy.sparse.linalg import spsolve
 
-from femseal.flow.cell import harmonic_fill
+from femseal.flow.harmonic import harmonic_fill
 
 
 def with_holes(shape, fraction, wave=2.0, seed=0):

@@ -11,7 +11,7 @@ from small_cases import steel_scene
 
 import femseal as fs
 from femseal.face.cell_flow import FlowSettings, solve_surface_flow
-from femseal.flow.cell import harmonic_fill
+from femseal.flow.harmonic import harmonic_fill
 from femseal.scene.fluid_coupling import LEAST_FRACTION, FluidPressure
 from femseal.studies import Sampling, deterministic, stochastic, two_scale
 
