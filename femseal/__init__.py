@@ -54,9 +54,9 @@ if TYPE_CHECKING:
         cell_permeability,
         permeability_tensor,
     )
-    from .fluids import IdealGas, Liquid, RoelandsLiquid
+    from .fluids import Liquid, RoelandsLiquid
+    from .gases import IdealGas, RealGas
     from .materials import Coated, Solid, contact_modulus, named_solid
-    from .named_fluids import RealGas
     from .report import write_report
     from .results import Results, RunComparison, compare, open_results
     from .runs.job import run

@@ -1,4 +1,4 @@
-"""Describe fluids. Each fluid is defined by its pressure potential.
+"""Describe liquids, and list all fluids that a case can choose. Each fluid is defined by its pressure potential.
 
 If the density ρ and the viscosity η of a fluid depend on the pressure alone, the flow equation is linear in the
 pressure potential φ with dφ = (ρ/η) dp [kg/(m³ s)]. The mass flow rate through a seal is the conductance of the seal
@@ -22,10 +22,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .base import Array, InputError, Pair, reals, validate
-from .base.leak_rates import GAS_CONSTANT, LeakBasis
+from .base.leak_rates import LeakBasis
 from .base.validate import check_parameters, parameter
-from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko, SlipLength
-from .named_fluids import Gas, RealGas, slip_of_gas, solve_for_pressure, temperature_of_gas
+from .flow.law import CUBIC_LAW, FlowLaw, SlipLength
+from .gases import IdealGas, RealGas, solve_for_pressure
+from .named_fluids import VISCOSITY, WITHOUT_NAME, viscosity_parameter
 
 #: Constants of Roelands' law, which are the same for all liquids: the pressure p_r [Pa], and −ln of the viscosity
 #: 6.31e-5 Pa s, which is 9.67.
@@ -51,16 +52,8 @@ class Fluid(Protocol):
         ...
 
 
-#: Phrases that explain keys of several fluids in a case.
-_VISCOSITY = 'dynamic viscosity, or kinematic viscosity such as `"46 cSt"` together with a density'
-_NAMELESS = "without a `name`"
+#: Phrase that explains a key of several liquids in a case.
 _BARUS = "increase of the viscosity with the pressure, by the law of Barus or of Roelands"
-
-
-def _viscosity(example: str) -> Any:
-    """Declare the parameter `viscosity` of a fluid class, for use in a case file."""
-    allowed = f"a viscosity > 0, such as '{example}'"
-    return parameter("Pa*s", allowed, _VISCOSITY, usual=(1e-6, 1e3), needed=_NAMELESS)
 
 
 def _density(default: float) -> Any:
@@ -168,7 +161,7 @@ class Liquid(_OnFaces):
     """
 
     kind: ClassVar[str] = "liquid"
-    viscosity: float = _viscosity("1 mPa*s")
+    viscosity: float = viscosity_parameter("1 mPa*s")
     density: float = _density(1000.0)
     pressure_viscosity: float = parameter(
         "1/Pa",
@@ -224,10 +217,10 @@ class RoelandsLiquid(_OnFaces):
     viscosity: float = parameter(
         "Pa*s",
         "a viscosity > 63.1 uPa*s, such as '50 mPa*s'",
-        _VISCOSITY,
+        VISCOSITY,
         usual=(1e-6, 1e3),
         above=6.31e-5,
-        needed=_NAMELESS,
+        needed=WITHOUT_NAME,
     )
     pressure_viscosity: float = parameter(
         "1/Pa", "a coefficient > 0, such as '20 1/GPa'", _BARUS, usual=(1e-10, 1e-7)
@@ -270,103 +263,6 @@ class RoelandsLiquid(_OnFaces):
         # the slope dφ/dp falls with p, so that Newton's method approaches the solution from below
         start = φ * self.viscosity / self.density
         return solve_for_pressure(φ, start, self.potential, slope)
-
-
-@dataclass(frozen=True)
-class IdealGas(Gas):
-    """Describe an isothermal ideal gas.
-
-    The pressure potential is φ = M p²/(2 R T η). Without slip, the mass flow rate is therefore proportional to
-    p_in² − p_out². If the gap is not much larger than the mean free path, the flow rate is multiplied by `flow_factor`,
-    which depends on the gap and the pressure. Volume flow rates refer to 101 325 Pa and the temperature of the gas.
-
-    Parameters
-    ----------
-    viscosity : float
-        Viscosity η [Pa s].
-    molar_mass : float
-        Molar mass M [kg/mol].
-    temperature : float
-        Temperature T [K].
-    slip : bool
-        Whether slip and free molecular flow in narrow gaps are taken into account.
-
-    Examples
-    --------
-    >>> helium = IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
-    >>> bool(helium.flow_factor(100e-9, 1e5) > helium.flow_factor(1e-6, 1e5) > 1)
-    True
-    """
-
-    kind: ClassVar[str] = "ideal-gas"
-    viscosity: float = _viscosity("18 uPa*s")
-    molar_mass: float = parameter(
-        "kg/mol",
-        "a molar mass > 0, such as '29 g/mol'",
-        "molar mass of the gas",
-        usual=(1e-3, 1.0),
-        needed=_NAMELESS,
-    )
-    temperature: float = temperature_of_gas(needed=_NAMELESS)
-    slip: bool = slip_of_gas()
-
-    @property
-    def law(self) -> FlowLaw:
-        """Flow law: the law of Fukui and Kaneko, or the cubic law if slip is ignored."""
-        if not self.slip:
-            return CUBIC_LAW
-        return FukuiKaneko(self.viscosity, self.speed)
-
-    @property
-    def _potential_factor(self) -> float:
-        """Ratio φ/p² of the pressure potential to the square of the pressure [kg/(m³ s Pa²)]."""
-        return self.molar_mass / (2 * GAS_CONSTANT * self.temperature * self.viscosity)
-
-    def potential(self, pressure: ArrayLike) -> Array:
-        """Return the pressure potential φ(p) of viscous flow [kg/(m³ s)] at an absolute pressure [Pa]."""
-        return self._potential_factor * reals(pressure) ** 2
-
-    def pressure(self, potential: ArrayLike) -> Array:
-        """Return the absolute pressure [Pa] at which the potential has a given value."""
-        return np.sqrt(reals(potential) / self._potential_factor)
-
-    def flow_factor(self, gap: ArrayLike, pressure: ArrayLike) -> Array:
-        """Return the ratio of the gas flow rate through a gap to the flow rate by the cubic law; 1 if slip is ignored.
-
-        Parameters
-        ----------
-        gap : array_like
-            Gap h >= 0 [m], broadcast with `pressure`.
-        pressure : array_like
-            Absolute pressure p >= 0 [Pa].
-
-        Returns
-        -------
-        array
-            Flow factor F = Q(D)/(D/6) with the inverse Knudsen number D and the dimensionless flow rate Q(D); infinite
-            where the gap or the pressure is 0.
-
-        Raises
-        ------
-        InputError
-            A value is negative or undefined.
-
-        Notes
-        -----
-        See `femseal.flow.law.flow_rate` for Q(D), its source and its accuracy. For helium at 1 bar and 20 °C, the flow
-        factor is 2.5 in a gap of 1 µm and 21 in a gap of 100 nm.
-
-        Examples
-        --------
-        >>> IdealGas(19.6e-6, 4.0026e-3, 293.15).flow_factor([1e-6, 100e-9, 30e-9], 1e5).round(1)
-        array([ 2.5, 20.9, 82.8])
-        """
-        h, p = np.broadcast_arrays(reals(gap), reals(pressure))
-        for name, values, unit in (("gap", h, "m"), ("pressure", p, "Pa, absolute")):
-            if not np.isfinite(values).all() or values.min(initial=0.0) < 0:
-                expected = f"finite numbers >= 0 [{unit}]"
-                raise InputError(name, "negative or undefined values", expected)
-        return self.law.factor(h, p)
 
 
 def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:

@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from femseal.base import InputError
-from femseal.fluids import IdealGas, Liquid, RoelandsLiquid
+from femseal.fluids import Liquid, RoelandsLiquid
+from femseal.gases import IdealGas
 
 AIR = IdealGas(viscosity=18.1e-6, molar_mass=28.96e-3, temperature=293.15)
 OIL = Liquid(viscosity=0.05, density=870.0, pressure_viscosity=20e-9)

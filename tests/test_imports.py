@@ -28,6 +28,7 @@ ROOMS = (
     "contact",
     "flow",
     "named_fluids",
+    "gases",
     "fluids",
     "seal",
     "face",

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from femseal.base import InputError
 from femseal.flow.law import flow_rate
-from femseal.fluids import IdealGas
+from femseal.gases import IdealGas
 
 HELIUM = IdealGas(viscosity=19.6e-6, molar_mass=4.0026e-3, temperature=293.15)
 

@@ -14,8 +14,9 @@ from small_cases import CASE, steel_scene
 
 import femseal as fs
 from femseal.checks import gas_warnings
+from femseal.checks.ideal_gas import ideal_gas_error
 from femseal.fluids import FLUIDS, potential_of
-from femseal.named_fluids import TABLE, ideal_gas_error, named_fluid
+from femseal.named_fluids import TABLE, named_fluid
 from femseal.studies import FluidState
 from femseal.studies.other_fluid import limit_factors
 

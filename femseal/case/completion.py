@@ -19,8 +19,9 @@ from ..base import InputError, counted, shortened, shown, to_text
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..base.quantities import absolute_pressure
 from ..fluids import FLUIDS
+from ..gases import RealGas
 from ..materials import named_solid
-from ..named_fluids import TABLE_TEMPERATURE, RealGas, named_fluid
+from ..named_fluids import TABLE_TEMPERATURE, named_fluid
 from ..seal.seal_files import columns_of, read_columns
 from .faults import errors_in_table
 from .hot_hardness import hot_hardness_warnings

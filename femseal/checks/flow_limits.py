@@ -1,24 +1,17 @@
-"""Warn of flow that the model does not describe: choked gas flow, flow with inertia, and flow of non-ideal gases."""
+"""Warn of flow that the model does not describe: choked gas flow, and flow with inertia."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import isfinite, pi
+from math import pi
 from typing import Any
 
 import numpy as np
 
 from ..base import Array, to_text
-from ..fluids import Fluid, IdealGas, leak_basis
-from ..named_fluids import ideal_gas_error, is_nearly_ideal
+from ..fluids import Fluid, leak_basis
 from ..scene import Scene
 
-#: Above this pressure no gas is ideal to good accuracy [Pa].
-_IDEAL_UP_TO = 20e5
-#: Up to this pressure no common gas condenses at 20 °C [Pa].
-_NO_GAS_CONDENSES_UP_TO = 2e5
-#: At pressures below `_IDEAL_UP_TO`, a warning is given if the relative error of the leakage exceeds this value.
-_IDEAL_WITHIN = 0.05
 #: Mass flux through a choked nozzle, divided by √(p ρ) at its inlet: √κ (2/(κ + 1))^((κ + 1)/2(κ − 1)) for κ = 1.4. For
 #: κ = 1.3, this number would be 0.67, and for κ = 5/3 it would be 0.73.
 _CHOKED = 0.685
@@ -95,36 +88,3 @@ def _viscosity(fluid: Any, pressure: float) -> float:
     if hasattr(fluid, "viscosity_at"):
         return float(fluid.viscosity_at(pressure))
     return float(getattr(fluid, "viscosity", np.nan))
-
-
-def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[str]:
-    """Warn if an ideal gas is used at pressures at which the real gas is not ideal.
-
-    For a nearly ideal gas, a warning is given only at inlet pressures above 20 bar. All other gases are checked at
-    inlet pressures above 2 bar, because many of these gases condense.
-
-    Parameters
-    ----------
-    key : str
-        Key of the fluid in a case file, which the warning quotes.
-    fluid : Fluid
-        The fluid.
-    inlet, outlet : float
-        Fluid pressures [Pa].
-    """
-    if not isinstance(fluid, IdealGas):
-        return
-    is_high = inlet > _IDEAL_UP_TO
-    if not is_high and (is_nearly_ideal(fluid) or inlet <= _NO_GAS_CONDENSES_UP_TO):
-        return
-    error = ideal_gas_error(fluid, inlet, outlet)
-    ends = f"from {to_text(inlet, 'Pa')} to {to_text(outlet, 'Pa')}"
-    if not isfinite(error.ratio):
-        if is_high or error.name:
-            yield f"the leakage of the ideal gas in {key} {ends} has an unknown error: {error.reason}"
-    elif is_high or abs(error.ratio - 1) > _IDEAL_WITHIN:
-        yield (
-            f"the ideal gas in {key} leaks {error.ratio:.3g} times as much {ends} as {error.name}, which it seems to "
-            f"be, does by CoolProp: kind = 'real-gas' with name = '{error.name}' takes density and viscosity as they "
-            "are"
-        )

@@ -10,7 +10,8 @@ from ..fluids import leak_basis
 from ..materials import HARDNESS_FACTOR, LINE_CONTACT_YIELD, YOUNG_LIMITS
 from ..scene import Scene
 from .coatings import coating_depth_warnings, constraint_warnings, roughness_of_coating_warnings
-from .flow_limits import flow_warnings, gas_warnings
+from .flow_limits import flow_warnings
+from .ideal_gas import gas_warnings
 from .quick_estimate import QuickEstimate
 
 #: Nominal pressures above this fraction of the hardness flatten most of the surface.

@@ -9,7 +9,8 @@ from hard_scene import HardScene
 from judges import between, exactly, falling, near, refused, zero_and_positive
 
 from femseal.analytic import wavy_full_contact_pressure
-from femseal.fluids import IdealGas, Liquid
+from femseal.fluids import Liquid
+from femseal.gases import IdealGas
 from femseal.studies import Scene, deterministic
 from femseal.topography import Topography, self_affine
 

@@ -14,7 +14,8 @@ from femseal.analytic import annulus_rate
 from femseal.base import InputError
 from femseal.flow.error_bound import energy_gap
 from femseal.flow.permeability_table import Mobility, PressureCurve
-from femseal.fluids import IdealGas, Liquid
+from femseal.fluids import Liquid
+from femseal.gases import IdealGas
 from femseal.scene import Scene
 from femseal.seal import (
     AnnularLayout,

@@ -12,7 +12,8 @@ from femseal.base import InputError
 from femseal.contact import LinearHardening
 from femseal.execution.run import ordered_map
 from femseal.face.cells import Cut
-from femseal.fluids import IdealGas, Liquid
+from femseal.fluids import Liquid
+from femseal.gases import IdealGas
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal import (
     AngleTable,

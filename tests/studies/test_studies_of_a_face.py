@@ -15,7 +15,7 @@ from femseal.base import FemsealError, InputError, NotConverged
 from femseal.flow import cell_permeability
 from femseal.flow.cell import cell_stencil
 from femseal.flow.law import gap_by_law
-from femseal.fluids import IdealGas
+from femseal.gases import IdealGas
 from femseal.loads import LoadProgramme
 from femseal.seal.tiles import face_tiles
 from femseal.studies import Sampling, StochasticResult, deterministic, stochastic, two_scale
