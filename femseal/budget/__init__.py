@@ -2,10 +2,11 @@
 
 `sources.py` lists all error sources, both for a run and for the forecast of its cost. Each error source names the
 modified versions of the input that must be solved (`versions.py`), and estimates its error from their leakages. There
-is one error budget for the leakage of each study. `estimates.py` and `resolution.py` estimate its numerical errors,
-`changed_models.py` estimates the errors of the model, and `error_parts.py` combines all error sources into one
-interval. All errors are expressed on the logarithmic scale, as distances from ln(leakage), because the uncertainty of
-the leakage near closing is a factor rather than a difference.
+is one error budget for the leakage of each study. `estimates.py`, `pixel_size.py` and `missing_waves.py` estimate its
+numerical errors, `changed_models.py` estimates the errors of the model, and `error_parts.py` combines all error sources
+into one interval. `leakage_changes.py` makes an error source from the change of the leakage to a second solution. All
+errors are expressed on the logarithmic scale, as distances from ln(leakage), because the uncertainty of the leakage
+near closing is a factor rather than a difference.
 """
 
 from typing import TYPE_CHECKING
@@ -20,17 +21,7 @@ if TYPE_CHECKING:
         model_part,
         opposite_matters,
     )
-    from .error_parts import (
-        MODEL_PARTS,
-        VAGUE,
-        CoarserSolution,
-        ErrorBudget,
-        ErrorPart,
-        WidestInterval,
-        counting_steps,
-        vague_steps,
-        widest_interval,
-    )
+    from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
     from .estimates import (
         effective_pressure_part,
         error_budget,
@@ -39,8 +30,10 @@ if TYPE_CHECKING:
         patches_to_halve,
         thin_gap_part,
     )
+    from .leakage_changes import CoarserSolution
+    from .missing_waves import continuation_part
     from .plastic_law import plastic_law_part
-    from .resolution import continuation_part
     from .sources import SOURCES, BudgetRequest, ErrorSource, budgets_of, versions_of_budget
+    from .wide_intervals import VAGUE, WidestInterval, counting_steps, vague_steps, widest_interval
 else:
     __getattr__, __dir__ = lazy(__name__)

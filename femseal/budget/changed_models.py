@@ -17,16 +17,9 @@ from ..loads import LoadProgramme, load_sensitivity
 from ..seal.form import ScaledForm, SealForm
 from ..studies import Scene
 from ..topography.seat import Seat
-from .error_parts import (
-    LEAST_SLOPE,
-    MODEL_PARTS,
-    CoarserSolution,
-    ErrorBudget,
-    ErrorPart,
-    counting_steps,
-    part_of_changes,
-    scale_of_changes,
-)
+from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
+from .leakage_changes import LEAST_SLOPE, CoarserSolution, part_of_changes, scale_of_changes
+from .wide_intervals import counting_steps
 
 #: The change in the opposite direction is solved if the half-width of the error source is above this fraction of the
 #: half-width of all other error sources together. Below this fraction, the interval would only be 9 % longer if the

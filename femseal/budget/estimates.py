@@ -22,17 +22,10 @@ from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_
 from ..studies.patch_interval import COVERAGE, interval_widths
 from ..studies.patch_state import PatchState
 from ..studies.study_registry import contact_fraction_of, open_leakage_of
-from .error_parts import (
-    USUAL_PIXELS,
-    CoarserSolution,
-    ErrorBudget,
-    ErrorPart,
-    near_closing,
-    part_of_changes,
-    pixels_part,
-    sensitivity,
-)
-from .resolution import filter_part, one_grid_part, raised_by_slope
+from .error_parts import ErrorBudget, ErrorPart
+from .leakage_changes import CoarserSolution, part_of_changes, sensitivity
+from .missing_waves import filter_part, raised_by_slope
+from .pixel_size import USUAL_PIXELS, near_closing, one_grid_part, pixels_part
 
 #: The residual r of the contact solution changes ln(leakage) by _RESIDUAL r s, where s is |d ln(leakage)/d ln(load)|,
 #: or 1 if this slope is smaller. Measured on 24 surfaces at residuals of 1e-2 to 1e-6: a factor of 0.04 covers 95 of

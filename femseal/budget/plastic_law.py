@@ -17,7 +17,8 @@ from ..base import Array
 from ..materials import HARDNESS_FACTOR
 from ..studies import Scene
 from ..studies.study_registry import contact_fraction_of
-from .error_parts import ErrorPart, part_of_changes, sensitivity
+from .error_parts import ErrorPart
+from .leakage_changes import part_of_changes, sensitivity
 
 #: Values of 2.8 σ_y/(E* h′) at which the two solutions were compared.
 _SEVERITY = (0.05, 0.1, 0.3, 0.6, 1.5)

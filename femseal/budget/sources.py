@@ -25,7 +25,7 @@ from ..studies.study_registry import contact_fraction_of
 from ..topography import Continuation, Surface
 from ..topography.instrument_limits import UNSEEN
 from .changed_models import ModelChange, model_changes, model_part, opposite_matters
-from .error_parts import CoarserSolution, ErrorBudget, ErrorPart
+from .error_parts import ErrorBudget, ErrorPart
 from .estimates import (
     NumericalErrors,
     effective_pressure_part,
@@ -33,8 +33,9 @@ from .estimates import (
     patch_form_part,
     thin_gap_part,
 )
+from .leakage_changes import CoarserSolution
+from .missing_waves import continuation_part
 from .plastic_law import plastic_law_part
-from .resolution import continuation_part
 from .versions import (
     Version,
     VersionLeakage,
@@ -122,14 +123,17 @@ class Evaluation:
         """Keep the request and the mapper; nothing is solved yet."""
         self.request = request
         self.mapper = mapper
-        # each solved version and its leakages, by the identity of the version
-        self._solved: dict[int, tuple[Version, dict[str, VersionLeakage]]] = {}
+        # each solved version, with its leakages by the key of the study
+        self._solved: list[tuple[Version, dict[str, VersionLeakage]]] = []
 
     def solve(self, version: Version) -> dict[str, VersionLeakage]:
         """Return the leakage from each study for a version of the input, by the key of the study."""
-        if id(version) not in self._solved:
-            self._solved[id(version)] = version, solved_version(version, self.mapper)
-        return self._solved[id(version)][1]
+        for solved, leakages in self._solved:
+            if solved is version:
+                return leakages
+        leakages = solved_version(version, self.mapper)
+        self._solved.append((version, leakages))
+        return leakages
 
     def on_grid(self, version: Version, result: Any) -> CoarserSolution | None:
         """Compare the leakages of a changed and the unchanged version of the input on equal grids.

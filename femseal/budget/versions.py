@@ -18,7 +18,7 @@ from ..studies import STUDIES, Sampling, Scene, StochasticResult, Study, study_o
 from ..studies.sampling import FEWEST_SEALS
 from ..topography import Conditioning, Continuation, Representative, Surface
 from .changed_models import FormTolerance, ModelChange
-from .error_parts import CoarserSolution
+from .leakage_changes import CoarserSolution
 
 #: Ratio of the numbers of points along each side of the coarser grid and of the original one.
 COARSENING = 0.5

@@ -65,7 +65,7 @@ def _solve_laplace(unknown: Flags, rhs: Singles) -> Singles:
         maxiter=_MOST_ITERATIONS,
         M=LinearOperator((rhs.size, rhs.size), precondition, dtype=rhs.dtype),
     )
-    return x.reshape(n1, n2)
+    return x.reshape(n1, n2).astype(np.float32, copy=False)
 
 
 def _sum_of_neighbours(a: Singles) -> Singles:

@@ -10,14 +10,10 @@ from small_cases import SWEPT, steel_scene
 
 import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
-from femseal.budget.error_parts import (
-    expected_sensitivity,
-    pixels_part,
-    scale_of_changes,
-    sensitivity,
-)
 from femseal.budget.estimates import median_interval
-from femseal.budget.resolution import filter_part
+from femseal.budget.leakage_changes import expected_sensitivity, scale_of_changes, sensitivity
+from femseal.budget.missing_waves import filter_part
+from femseal.budget.pixel_size import pixels_part
 from femseal.budget.versions import coarser_points
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare

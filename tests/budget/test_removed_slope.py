@@ -6,8 +6,8 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
-from femseal.budget.error_parts import expected_sensitivity
-from femseal.budget.resolution import LOAD_POWER, under_less_load
+from femseal.budget.leakage_changes import expected_sensitivity
+from femseal.budget.missing_waves import LOAD_POWER, under_less_load
 from femseal.designs.requirements import Seals
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare

@@ -11,7 +11,7 @@ from small_cases import HARDENED, steel_scene
 
 import femseal as fs
 from femseal.budget import CoarserSolution, continuation_part
-from femseal.budget.resolution import filter_part
+from femseal.budget.missing_waves import filter_part
 from femseal.budget.versions import continued_versions
 from femseal.case import parse_case
 from femseal.preparation import prepare

@@ -1,4 +1,4 @@
-"""Estimate the error of a leakage due to missing waves of the surface, or due to solving on one grid only.
+"""Estimate the error of a leakage due to missing waves of the surface.
 
 Waves are missing because a low-pass filter removed them, or because the instrument did not resolve them. If the
 spectrum is extrapolated, the added waves have arbitrary phases, and even shorter waves are still missing.
@@ -21,14 +21,9 @@ from ..base import Array, Flags, as_text
 from ..loads import LoadProgramme
 from ..studies import Scene
 from ..studies.patch_interval import COVERAGE
-from .error_parts import (
-    STEEPEST,
-    VAGUE,
-    CoarserSolution,
-    ErrorPart,
-    expected_sensitivity,
-    part_of_changes,
-)
+from .error_parts import ErrorPart
+from .leakage_changes import STEEPEST, CoarserSolution, expected_sensitivity, part_of_changes
+from .wide_intervals import VAGUE
 
 #: The error of ln(leakage) due to removed waves is _ERROR √(s² + o²), where s and o are two estimates. Let r be the
 #: mean square slope of the removed waves, divided by the mean square slope of the remaining waves. The estimate from
@@ -54,25 +49,6 @@ _LEAST_SLOPE_RATIO = 0.5
 #: A surface is sealed for certain if its contact fraction with all waves is at least this value. The largest contact
 #: fraction of an open surface was 0.58.
 SEALED_CONTACT = 0.6
-
-
-def one_grid_part(leakage: Array, in_contact: Array) -> list[ErrorPart]:
-    """Estimate the error of the pixel size for a surface that was solved on a single grid.
-
-    Without a second grid, the error of the pixel size is unknown at leaking steps, and the interval shrinks to the
-    leakage itself. At steps that are sealed on the grid, a finer grid may leak. The upper end of the interval at a
-    sealed step is therefore inf, unless a large contact fraction shows that the step is certainly sealed.
-
-    in_contact : contact fraction at every step (steps,).
-
-    Returns an empty list if all sealed steps are certainly sealed.
-    """
-    q = np.abs(np.asarray(leakage, float))
-    may_open = (q == 0) & ~sealed_for_certain(in_contact)
-    if not may_open.any():
-        return []
-    note = "one grid, which does not show how far beyond its closing load a sealed face is"
-    return [ErrorPart("pixels", q, np.where(may_open, np.inf, q), note)]
 
 
 def filter_part(
