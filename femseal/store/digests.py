@@ -119,11 +119,11 @@ def _describe_other(value: Any) -> Any:
 def _describe_name(value: Any) -> Any:
     """Describe a function or a class by the name under which its module defines it, and by its version."""
     module = getattr(value, "__module__", None)
-    name = getattr(value, "__qualname__", None)
+    name = getattr(value, "__qualname__", "")
     try:
-        defined = attrgetter(name)(sys.modules[module])  # type: ignore[type-var, index]
+        defined = attrgetter(name)(sys.modules[str(module)])
         origin = _origin(str(module))
-    except (AttributeError, KeyError, TypeError):  # such as a lambda, or an object of a class in C
+    except (AttributeError, KeyError):  # such as a lambda, or an object of a class in C
         raise NoDigest(f"{type(value).__qualname__} {name}") from None
     if origin is None or getattr(defined, "__func__", defined) is not value:
         raise NoDigest(f"{type(value).__qualname__} {name}")

@@ -74,9 +74,9 @@ def test_the_name_of_a_strip_may_change(study, monkeypatch):
     scene, result = study
     results = assemble(scene, result)
     assert results.dataset.attrs["seal"] == "a seal of another name"
-    assert "inlet at 0" in _axis_names(results.dataset, "m", is_turned=False)[0]
+    assert "inlet at 0" in _axis_names(results.dataset, "m", has_x2_horizontal=False)[0]
     ring = results.dataset.assign_attrs(seal_kind=AnnularLayout.kind)
-    assert "inlet" not in _axis_names(ring, "m", is_turned=False)[0]
+    assert "inlet" not in _axis_names(ring, "m", has_x2_horizontal=False)[0]
 
 
 def test_a_file_without_the_kind_of_its_seal_can_be_read(study, tmp_path):
