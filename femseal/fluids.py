@@ -58,9 +58,10 @@ _BARUS = "increase of the viscosity with the pressure, by the law of Barus or of
 
 def _density(default: float) -> Any:
     """Declare the parameter `density` of a liquid class, for use in a case file."""
-    allowed = "a density > 0, such as '870 kg/m^3'"
+    allowed = "a density > 0"
+    example = "870 kg/m^3"
     meaning = "density at the reference state"
-    return parameter("kg/m^3", allowed, meaning, usual=(50.0, 2.5e4), default=default)
+    return parameter("kg/m^3", allowed, example, meaning, usual=(50.0, 2.5e4), default=default)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,7 +84,8 @@ class _OnFaces:
     outlet_pressure: ClassVar[float] = 0.0
     surface_tension: float | None = parameter(
         "N/m",
-        "a surface tension > 0, such as '73 mN/m'",
+        "a surface tension > 0",
+        "73 mN/m",
         "surface tension; with a `contact_angle` above 90°, the results state the pressure at "
         "which the liquid enters the gap",
         usual=(1e-3, 3.0),
@@ -91,7 +93,8 @@ class _OnFaces:
     )
     contact_angle: float | None = parameter(
         "rad",
-        "a contact angle >= 0, such as '110 deg'",
+        "a contact angle >= 0",
+        "110 deg",
         "contact angle of the liquid on the surfaces",
         usual=(1e-3, 3.15),
         inclusive=True,
@@ -99,7 +102,8 @@ class _OnFaces:
     )
     slip_length: float = parameter(
         "m",
-        "a length >= 0, such as '20 nm'",
+        "a length >= 0",
+        "20 nm",
         "slip length of the liquid on both surfaces",
         usual=(1e-10, 1e-5),
         inclusive=True,
@@ -108,7 +112,8 @@ class _OnFaces:
     )
     bulk_modulus: float | None = parameter(
         "Pa",
-        "a bulk modulus > 0, such as '2 GPa'",
+        "a bulk modulus > 0",
+        "2 GPa",
         "bulk modulus of trapped liquid, which is incompressible by default",
         usual=(5e7, 1e11),
         default=None,
@@ -165,7 +170,8 @@ class Liquid(_OnFaces):
     density: float = _density(1000.0)
     pressure_viscosity: float = parameter(
         "1/Pa",
-        "a coefficient >= 0, such as '20 1/GPa'",
+        "a coefficient >= 0",
+        "20 1/GPa",
         _BARUS,
         usual=(1e-10, 1e-7),
         inclusive=True,
@@ -216,14 +222,15 @@ class RoelandsLiquid(_OnFaces):
     kind: ClassVar[str] = "roelands-liquid"
     viscosity: float = parameter(
         "Pa*s",
-        "a viscosity > 63.1 uPa*s, such as '50 mPa*s'",
+        "a viscosity > 63.1 uPa*s",
+        "50 mPa*s",
         VISCOSITY,
         usual=(1e-6, 1e3),
         above=6.31e-5,
         needed=WITHOUT_NAME,
     )
     pressure_viscosity: float = parameter(
-        "1/Pa", "a coefficient > 0, such as '20 1/GPa'", _BARUS, usual=(1e-10, 1e-7)
+        "1/Pa", "a coefficient > 0", "20 1/GPa", _BARUS, usual=(1e-10, 1e-7)
     )
     density: float = _density(870.0)
 

@@ -45,8 +45,8 @@ _LEAST_SLOPE = 1e-200
 
 def temperature_of_gas(**more: Any) -> Any:
     """Return the declaration of the field `temperature` of a gas class; `more` is passed on to `parameter`."""
-    allowed = "a temperature above absolute zero, such as '20 °C'"
-    return parameter("K", allowed, "temperature of the gas", usual=(2.0, 2000.0), **more)
+    allowed = "a temperature above absolute zero"
+    return parameter("K", allowed, "20 °C", "temperature of the gas", usual=(2.0, 2000.0), **more)
 
 
 def slip_of_gas() -> Any:
@@ -109,7 +109,8 @@ class IdealGas(Gas):
     viscosity: float = viscosity_parameter("18 uPa*s")
     molar_mass: float = parameter(
         "kg/mol",
-        "a molar mass > 0, such as '29 g/mol'",
+        "a molar mass > 0",
+        "29 g/mol",
         "molar mass of the gas",
         usual=(1e-3, 1.0),
         needed=WITHOUT_NAME,

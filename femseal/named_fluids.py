@@ -30,8 +30,8 @@ VISCOSITY = 'dynamic viscosity, or kinematic viscosity such as `"46 cSt"` togeth
 
 def viscosity_parameter(example: str) -> Any:
     """Declare the parameter `viscosity` of a fluid class, for use in a case file."""
-    allowed = f"a viscosity > 0, such as '{example}'"
-    return parameter("Pa*s", allowed, VISCOSITY, usual=(1e-6, 1e3), needed=WITHOUT_NAME)
+    allowed = "a viscosity > 0"
+    return parameter("Pa*s", allowed, example, VISCOSITY, usual=(1e-6, 1e3), needed=WITHOUT_NAME)
 
 
 @dataclass(frozen=True)

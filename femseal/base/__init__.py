@@ -7,6 +7,7 @@ from .lazy_package import lazy
 if TYPE_CHECKING:
     from .errors import (
         FemsealError,
+        FileError,
         InputError,
         InputErrors,
         NotConverged,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
         TextTable,
         comma_separated,
         duration,
+        finite_data,
         format_deviation,
         labelled,
         number_text,

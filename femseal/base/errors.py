@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from reprlib import Repr
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 #: Longest user text that a message repeats [characters]. The middle of a longer text is left out.
 _LONGEST = 160
@@ -114,6 +117,24 @@ class InputError(FemsealError, ValueError):
     def __reduce__(self) -> tuple[Any, ...]:
         # a given object may not be picklable, but its text always is
         return InputError, (self.what, shortened(self.given), self.expected, self.suggested)
+
+
+class FileError(InputError):
+    """Report a file that cannot be used.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    what, given, expected : as in `InputError`
+    """
+
+    def __init__(self, path: Path, what: str, given: object, expected: str) -> None:
+        self.path = path
+        super().__init__(what, given, expected)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return FileError, (self.path, self.what, shortened(self.given), self.expected)
 
 
 class InputErrors(InputError):

@@ -100,6 +100,10 @@ def _registry() -> Any:
     return pint.UnitRegistry()
 
 
+class OtherKind(InputError):
+    """Report a value that is no finite number with a unit of the expected kind."""
+
+
 def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> float:
     """Convert a quantity given as text with its unit to a number in SI.
 
@@ -137,10 +141,13 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
     def refused(expected: str) -> InputError:
         return InputError(name, shown(text), expected)
 
+    def of_other_kind(hint: str = "") -> OtherKind:
+        return OtherKind(name, shown(text), expected + hint)
+
     if not isinstance(text, str):
-        raise refused(expected)
+        raise of_other_kind()
     if len(text) > _LONGEST:
-        raise refused(f"{expected}, not longer than {_LONGEST} characters")
+        raise OtherKind(name, shown(text), f"{expected}, not longer than {_LONGEST} characters")
     if unit == "Pa" and _REFERENCE.search(text):
         plain = shown(_REFERENCE.sub("", text))
         reason = "only the fluid pressures of a case can be gauge or absolute"
@@ -149,7 +156,7 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
         raise refused("a number with a decimal point and no comma")
     match = _NUMBER_AND_UNIT.match(text)
     if match is None or (match[2] is None and unit):
-        raise refused(expected)
+        raise of_other_kind()
     number = float(match[1])
     given_unit = (match[2] or "").strip()
     if unit == "K":
@@ -160,10 +167,10 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
         if kelvin is not None:
             return _finite(kelvin, text, name, expected)
     if given_unit and not _UNIT.fullmatch(given_unit):
-        raise refused(expected)
+        raise of_other_kind()
     factor = _factor(given_unit, unit)
     if factor is None:
-        raise refused(expected + _hint(given_unit, unit))
+        raise of_other_kind(_hint(given_unit, unit))
     return _finite(_rounded(number * factor), text, name, expected)
 
 
@@ -286,7 +293,7 @@ def _factor(given_unit: str, unit: str) -> float | None:
 def _finite(value: float, given: object, name: str, expected: str) -> float:
     """Return the value if it is finite; raise InputError otherwise."""
     if not isfinite(value):
-        raise InputError(name, shown(given), expected)
+        raise OtherKind(name, shown(given), expected)
     return value
 
 
@@ -298,11 +305,32 @@ def to_text(value: float, unit: str, digits: int = 4) -> str:
     >>> to_text(210e9, "Pa"), to_text(6.25e-05, "m"), to_text(0.0, "m")
     ('210 GPa', '62.5 µm', '0 m')
     """
+    number, unit_with_prefix = _number_and_unit(value, unit, digits)
+    return f"{number} {unit_with_prefix}"
+
+
+def range_text(low: float, high: float, unit: str, digits: int = 4) -> str:
+    """Write a range in SI as text; the unit follows the upper end alone if both ends have the same prefix.
+
+    Examples
+    --------
+    >>> range_text(150e6, 300e6, "Pa"), range_text(0.5e6, 2e9, "Pa")
+    ('150 – 300 MPa', '500 kPa – 2 GPa')
+    """
+    lower, lower_unit = _number_and_unit(low, unit, digits)
+    upper, upper_unit = _number_and_unit(high, unit, digits)
+    if lower_unit != upper_unit:
+        lower = f"{lower} {lower_unit}"
+    return f"{lower} – {upper} {upper_unit}"
+
+
+def _number_and_unit(value: float, unit: str, digits: int) -> tuple[str, str]:
+    """Return a value in SI as a number of few digits, and the unit with the prefix that belongs to this number."""
     if value == 0 or not isfinite(value):
-        return f"{value:g} {unit}"
+        return f"{value:g}", unit
     fitting = [entry for entry in _PREFIXES if abs(value) >= entry[0] * (1 - 1e-12)]
     factor, prefix = fitting[0] if fitting else _PREFIXES[-1]
-    return f"{value / factor:.{digits}g} {prefix}{unit}"
+    return f"{value / factor:.{digits}g}", f"{prefix}{unit}"
 
 
 def counted(count: SupportsInt, noun: str) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+import json
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from html import escape
 from math import expm1, isfinite, isnan
@@ -364,6 +365,18 @@ def _range_text(values: np.ndarray, unit: str) -> str:
     return low if low == high else f"{low} … {high}"
 
 
+def finite_data(data: Any) -> Any:
+    """Return a copy of plain data for JSON, in which infinite and undefined numbers are None.
+
+    Examples
+    --------
+    >>> finite_data({"NaN": [1.0, float("nan"), float("-inf")]})
+    {'NaN': [1.0, None, None]}
+    """
+    # JSON has no infinite or undefined numbers: Python writes them as constants, which are read as None here
+    return json.loads(json.dumps(data), parse_constant=lambda _: None)
+
+
 def labelled(label: str, unit: str = "", **options: Any) -> Any:
     """Declare a field of a dataclass with a label, a unit and options of `as_text`."""
     return field(metadata={"unit": unit, "label": label, **options})
@@ -373,10 +386,15 @@ class Labelled:
     """Give a dataclass a text representation with one line for each labelled field; see `labelled`."""
 
     def __str__(self) -> str:
+        return "\n".join(self.lines())
+
+    def lines(self, names: Collection[str] | None = None) -> list[str]:
+        """Return the lines of the fields with these names; by default, the lines of all labelled fields."""
         metadata = {f.name: f.metadata for f in fields(self) if "label" in f.metadata}  # type: ignore[arg-type]
         width = max(len(options["label"]) for options in metadata.values())
         lines = []
         for name, options in metadata.items():
-            value = as_text(getattr(self, name), **options)
-            lines.append(f"{options['label']:{width}}  {value}")
-        return "\n".join(lines)
+            if names is None or name in names:
+                value = as_text(getattr(self, name), **options)
+                lines.append(f"{options['label']:{width}}  {value}")
+        return lines

@@ -247,6 +247,7 @@ def described(
 def parameter(
     unit: str,
     allowed: str,
+    example: str,
     meaning: str = "",
     *,
     usual: Pair = (-inf, inf),
@@ -261,7 +262,9 @@ def parameter(
     unit : str
         SI unit, in the form that is used in case files, such as "Pa*s".
     allowed : str
-        Description of the values that a case file may contain, such as "a viscosity > 0, such as '1 mPa*s'".
+        Description of the values that a case file may contain, such as "a viscosity > 0".
+    example : str
+        Example of a value in a case file, such as "1 mPa*s".
     meaning : str
         Meaning of the key, see `described`.
     usual : tuple of two float
@@ -273,8 +276,9 @@ def parameter(
     **more
         Further arguments of `described`. The default may be None.
     """
+    texts = {"allowed": allowed, "allowed_example": example}
     limits: dict[str, Any] = {"usual": usual, "above": above, "inclusive": inclusive}
-    return described(meaning, unit=unit, allowed=allowed, **limits, **more)
+    return described(meaning, unit=unit, **texts, **limits, **more)
 
 
 def check_parameters(model: Any) -> None:

@@ -20,6 +20,7 @@ from ..base import (
     TextTable,
     comma_separated,
     counted,
+    finite_data,
     made_folder,
     number_text,
     rows_of,
@@ -271,7 +272,7 @@ class Calibration(Plotted):
             "notes": list(self.notes),
             "versions": versions(),
         }
-        text = json.dumps(content, indent=1, ensure_ascii=False).replace("NaN", "null")
+        text = json.dumps(finite_data(content), indent=1, ensure_ascii=False)
         with writing("output", target, "a folder"):
             written = [write_text(target / TABLE, comma_separated(self.rows()))]
             pictures = rendered_formats(calibration_figure(self), formats)

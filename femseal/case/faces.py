@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, NamedTuple
 import numpy as np
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from ..base import InputError, shortened
+from ..base import FileError, InputError, shortened
 from ..topography import (
     SPIKES,
     Instrument,
@@ -318,12 +318,9 @@ class FileFace(MapFile):
         mask = None if self.mask is None else folder / self.mask
         try:
             measured = read_measured(path, mask=mask, **arguments)
-        except InputError as error:
-            for name, file in (("path", path), ("mask", mask)):
-                if error.what.startswith(str(file)):
-                    what = f"{name}, {error.what}"
-                    raise InputError(what, error.given, error.expected) from None
-            raise
+        except FileError as error:
+            name = "path" if error.path == path else "mask"
+            raise InputError(f"{name}, {error.what}", error.given, error.expected) from None
         notes = tuple(f"{path.name}: {note}" for note in measured.notes)
         return FaceMap(measured.topography, measured.instrument, notes)
 

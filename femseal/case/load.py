@@ -19,6 +19,7 @@ from pydantic import (
 )
 
 from ..base import InputError
+from ..base.quantities import OtherKind
 from ..loads import LOAD_UNITS, LoadProgramme, nominal_pressure, relaxed
 from ..scene.choices import NOMINALS
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, Profile, Uniform
@@ -32,6 +33,7 @@ from .quantity_types import (
     Quantity,
     Relaxation,
     UsualRange,
+    in_si,
     quantity_schema,
     unvalidated_value,
 )
@@ -39,8 +41,9 @@ from .table_types import ParameterTable, Table, key
 
 #: Largest number of load steps.
 _MOST_STEPS = 10_000
+_EXAMPLE = "300 MPa"
 _EXPECTED_LOAD = (
-    "a pressure >= 0, such as '300 MPa', or a force on the seal, '10 kN', or on its length, "
+    f"a pressure >= 0, such as '{_EXAMPLE}', or a force on the seal, '10 kN', or on its length, "
     "'200 N/mm'"
 )
 
@@ -71,10 +74,11 @@ def _unusable_load(value: Any) -> InputError:
     decimal comma, the error names the mistake instead.
     """
     try:
-        Quantity("Pa", lambda load: True, _EXPECTED_LOAD).read(value)
+        in_si(value, "Pa", _EXAMPLE)
+    except OtherKind:
+        pass
     except InputError as error:
-        if not error.expected.startswith("text with a number and a unit"):
-            return error
+        return invalid_value(error.expected)
     return invalid_value(_EXPECTED_LOAD)
 
 

@@ -87,17 +87,19 @@ class Quantity:
     ----------
     unit : SI unit, "" for a number without a unit.
     is_allowed : function that returns True for values in SI units within the allowed range.
-    expected : description of the allowed values, with an example in single quotes.
+    allowed : description of the allowed values.
+    example : example of a value, as a user writes it; "" for a number that needs none.
     """
 
     unit: str
     is_allowed: Callable[[float], bool]
-    expected: str
+    allowed: str
+    example: str = ""
 
     @property
-    def example(self) -> str:
-        """Example of a value, taken from the single quotes in `expected`; "" if `expected` contains no example."""
-        return self.expected.partition("'")[2].partition("'")[0]
+    def expected(self) -> str:
+        """Description of the allowed values, with the example."""
+        return f"{self.allowed}, such as '{self.example}'" if self.example else self.allowed
 
     def read(self, value: Any) -> float:
         """Read a value and return it in SI units.
@@ -204,23 +206,23 @@ def _not_negative(x: float) -> bool:
 
 Length = Annotated[
     float,
-    Quantity("m", _positive, "a length > 0, such as '1.5 mm'"),
+    Quantity("m", _positive, "a length > 0", "1.5 mm"),
     UsualRange(1e-9, 1e3, "m"),
 ]
 Height = Annotated[
     float,
-    Quantity("m", _not_negative, "a height >= 0, such as '0.2 um'"),
+    Quantity("m", _not_negative, "a height >= 0", "0.2 um"),
     UsualRange(1e-10, 1e-3, "m"),
 ]
 Shift = Annotated[
     float,
-    Quantity("m", _any, "a length, such as '-20 um'"),
+    Quantity("m", _any, "a length", "-20 um"),
     UsualRange(-10.0, 10.0, "m"),
 ]
 #: A coordinate.
 Position = Annotated[
     float,
-    Quantity("m", _not_negative, "a length >= 0, such as '0.1 mm'"),
+    Quantity("m", _not_negative, "a length >= 0", "0.1 mm"),
     UsualRange(1e-9, 10.0, "m"),
 ]
 LengthUnit = Annotated[str, BeforeValidator(_read_length_unit)]
@@ -229,7 +231,7 @@ LengthUnit = Annotated[str, BeforeValidator(_read_length_unit)]
 
 Modulus = Annotated[
     float,
-    Quantity("Pa", _positive, "a stress > 0, such as '210 GPa'"),
+    Quantity("Pa", _positive, "a stress > 0", "210 GPa"),
     UsualRange(*YOUNG_LIMITS, "Pa"),
 ]
 Poisson = Annotated[
@@ -239,22 +241,22 @@ Poisson = Annotated[
 ]
 Strength = Annotated[
     float,
-    Quantity("Pa", _positive, "a stress > 0, such as '2 GPa'"),
+    Quantity("Pa", _positive, "a stress > 0", "2 GPa"),
     UsualRange(5e6, 1e11, "Pa"),
 ]
 Hardening = Annotated[
     float,
-    Quantity("Pa/m", _not_negative, "a stress per depth >= 0, such as '2 GPa/um'"),
+    Quantity("Pa/m", _not_negative, "a stress per depth >= 0", "2 GPa/um"),
     UsualRange(1e12, 1e18, "Pa/m"),
 ]
 Pressure = Annotated[
     float,
-    Quantity("Pa", _not_negative, "a pressure >= 0, such as '300 MPa'"),
+    Quantity("Pa", _not_negative, "a pressure >= 0", "300 MPa"),
     UsualRange(1e-7, 2e9, "Pa"),
 ]
 Temperature = Annotated[
     float,
-    Quantity("K", _positive, "a temperature above absolute zero, such as '20 °C'"),
+    Quantity("K", _positive, "a temperature above absolute zero", "20 °C"),
     UsualRange(2.0, 2000.0, "K"),
 ]
 
@@ -262,34 +264,34 @@ Temperature = Annotated[
 
 Angle = Annotated[
     float,
-    Quantity("rad", _any, "an angle, such as '90 deg'"),
+    Quantity("rad", _any, "an angle", "90 deg"),
     UsualRange(-6.3, 6.3, "rad"),
 ]
 Volume = Annotated[
     float,
-    Quantity("m^3", _positive, "a volume > 0, such as '0.05 mL'"),
+    Quantity("m^3", _positive, "a volume > 0", "0.05 mL"),
     UsualRange(1e-9, 1e-5, "m^3"),
 ]
 VolumeRate = Annotated[
     float,
-    Quantity("m^3/s", _positive, "a volume per time > 0, such as '100 L/min'"),
+    Quantity("m^3/s", _positive, "a volume per time > 0", "100 L/min"),
     UsualRange(1e-6, 100.0, "m^3/s"),
 ]
 Duration = Annotated[
     float,
-    Quantity("s", _positive, "a time > 0, such as '30 min'"),
+    Quantity("s", _positive, "a time > 0", "30 min"),
     UsualRange(1.0, 3e7, "s"),
 ]
-FileSize = Annotated[float, Quantity("byte", _not_negative, "a size >= 0, such as '500 MB'")]
+FileSize = Annotated[float, Quantity("byte", _not_negative, "a size >= 0", "500 MB")]
 
 # --- numbers ----------------------------------------------------------------------------------------------------
 
 Fraction = Annotated[float, Quantity("", lambda x: 0 <= x <= 1, "a number from 0 to 1")]
 Relaxation = Annotated[
-    float, Quantity("", lambda x: 0 <= x < 1, "a fraction from 0, below 1, such as '10 %'")
+    float, Quantity("", lambda x: 0 <= x < 1, "a fraction from 0, below 1", "10 %")
 ]
 Accuracy = Annotated[
-    float, Quantity("", lambda x: 0 < x < 1, "a fraction above 0 and below 1, such as '10 %'")
+    float, Quantity("", lambda x: 0 < x < 1, "a fraction above 0 and below 1", "10 %")
 ]
 Hurst = Annotated[float, Quantity("", lambda x: 0 < x <= 1, "a Hurst exponent above 0, at most 1")]
 Slope = Annotated[float, Quantity("", _positive, "a slope > 0"), UsualRange(1e-4, 3.0, "")]

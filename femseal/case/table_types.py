@@ -188,7 +188,7 @@ def _annotated(value_type: Any, metadata: Mapping[str, Any]) -> Any:
         return bool(x >= above if includes_end else x > above)
 
     low, high = metadata["usual"]
-    quantity = Quantity(unit, is_allowed, metadata["allowed"])
+    quantity = Quantity(unit, is_allowed, metadata["allowed"], metadata["allowed_example"])
     return Annotated[value_type, quantity, UsualRange(low, high, unit)]
 
 

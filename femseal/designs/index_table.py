@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from math import isfinite
 from typing import Any
 
-from ..base import TextTable, to_text
+from ..base import TextTable
+from ..base.quantities import range_text
 from ..results.load_steps import branch_text
 from ..results.sealing_index import TOLERANCE, IndexLimit, SealingIndex, index_text
 
@@ -80,9 +81,7 @@ def _ends(low: float, high: float) -> dict[str, float]:
 def _range_text(index: SealingIndex) -> str:
     """Write the range of pressures of a power law, such as "150 – 300 MPa"."""
     law = index.law
-    lowest, highest = to_text(law.lowest_pressure, "Pa", 3), to_text(law.highest_pressure, "Pa", 3)
-    number, _, unit = lowest.rpartition(" ")
-    return f"{number if highest.endswith(f' {unit}') else lowest} – {highest}"
+    return range_text(law.lowest_pressure, law.highest_pressure, "Pa", 3)
 
 
 def _exponent_text(index: SealingIndex) -> str:

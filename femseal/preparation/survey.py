@@ -67,8 +67,17 @@ _PRESSURES = (0.02, 0.15)
 #: Hardness that is assumed before the material is known, as a fraction of E* times the rms slope.
 _HARDNESS = 0.15
 _LOADS = "0.02 to 0.15 of a hardness of 0.15 E* times its slope"
-#: Beginnings of the lines of the description of a surface that are repeated in its case file.
-_SHOWN_LINES = ("points ", "pixel", "undefined", "Sq,", "rms slope ", "Std", "shortest wave above")
+#: Fields of the description of a surface that are repeated in its case file.
+_SHOWN_FIELDS = (
+    "shape",
+    "spacing",
+    "undefined_fraction",
+    "spike_points",
+    "rms_height",
+    "rms_slope",
+    "lay_direction",
+    "shortest_wave",
+)
 
 
 @dataclass(frozen=True)
@@ -168,7 +177,7 @@ def survey(
             f"the file masks {masked} of its points: --no-file-mask takes their heights all the same"
         )
     texts += file_content.notes
-    if is_text(path) and not any("x y z" in note for note in file_content.notes):
+    if is_text(path) and not file_content.has_coordinates:
         texts.append(_ORIENTATION)
     lines = [str(path), *_indented(surveyed.report)]
     if surveyed.conditioning is not None:
@@ -281,10 +290,19 @@ def _indented(report: object) -> list[str]:
     return indent(str(report), "  ").splitlines()
 
 
-def advice(report: SurfaceReport, conditioning: Conditioning) -> list[str]:
-    """Give advice based on the parameters of a surface: remove noise, inspect spikes, or turn the map."""
+def advice(
+    report: SurfaceReport, conditioning: Conditioning, *, with_wave: bool = True
+) -> list[str]:
+    """Give advice based on the parameters of a surface: inspect spikes, remove noise, or turn the map.
+
+    Parameters
+    ----------
+    report : description of the surface.
+    conditioning : report on how a run would repair and filter the surface.
+    with_wave : whether to say which cut-off wavelength removes noise.
+    """
     texts = list(conditioning.spike_warnings)
-    if report.shortest_wave > conditioning.shortest_wave * (1 + 1e-9):
+    if with_wave and report.shortest_wave > conditioning.shortest_wave * (1 + 1e-9):
         wave = to_text(report.shortest_wave, "m", 3)
         texts.append(
             f"waves below {wave} are noise or beyond the instrument: shortest_wave = '{wave}' removes them"
@@ -347,13 +365,12 @@ def case_of_face(
         *([f"# {_ORIENTATION}"] if is_text(path) else []),
         f"# size = {size}  # as the file says: ? is that the field of the instrument",
     ]
-    description = str(surveyed.report).splitlines()
-    lines += [f"#   {line}" for line in description if line.startswith(_SHOWN_LINES)]
+    lines += [f"#   {line}" for line in surveyed.report.lines(_SHOWN_FIELDS)]
     questions = [*map(str, file_content.errors), *surveyed.reasons]
     surface_table: list[str] = []
     if surveyed.conditioning is not None:
-        texts = advice(surveyed.report, surveyed.conditioning)
-        questions += [text for text in texts if "shortest_wave" not in text]
+        # the wavelength is a key of the case below
+        questions += advice(surveyed.report, surveyed.conditioning, with_wave=False)
         questions += surveyed.warnings
         wave = max(surveyed.report.shortest_wave, surveyed.conditioning.shortest_wave)
         reason = "the shortest one above noise, of 8 pixels or more"

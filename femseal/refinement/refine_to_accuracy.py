@@ -15,6 +15,7 @@ from ..base import (
     Shape,
     as_text,
     duration,
+    finite_data,
     format_deviation,
     free_memory,
     to_text,
@@ -328,8 +329,7 @@ class RefinedAnswer:
             "settings": asdict(last.settings),
             "attempts": [asdict(attempt) for attempt in self.attempts],
         }
-        # JSON has no infinite or undefined numbers: Python writes them as constants, which are read as None here
-        return json.loads(json.dumps(data), parse_constant=lambda _: None)
+        return finite_data(data)
 
 
 def refine_to_accuracy(case: Case, original: Prepared, run: Run) -> RefinedAnswer:

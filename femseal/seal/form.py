@@ -89,12 +89,13 @@ class WavyForm:
 
     kind: ClassVar[str] = "waves"
     height: float = parameter(
-        "m", "a height > 0, such as '3 um'", "height from crest to trough", usual=(1e-9, 1e-3)
+        "m", "a height > 0", "3 um", "height from crest to trough", usual=(1e-9, 1e-3)
     )
     lobes: int | None = described("number of waves around the seal", example=2, default=None)
     wavelength: float | None = parameter(
         "m",
-        "a length > 0, such as '40 mm'",
+        "a length > 0",
+        "40 mm",
         "wavelength, which is rounded so that a whole number of waves fits on the strip or ring",
         usual=(1e-5, 10.0),
         default=None,

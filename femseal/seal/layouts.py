@@ -189,10 +189,10 @@ class AnnularLayout:
     kind: ClassVar[str] = "annular"
     has_length: ClassVar[bool] = False
     inner_radius: float = parameter(
-        "m", "a length > 0, such as '10 mm'", "inner radius of the ring", usual=(1e-5, 100.0)
+        "m", "a length > 0", "10 mm", "inner radius of the ring", usual=(1e-5, 100.0)
     )
     outer_radius: float = parameter(
-        "m", "a length > 0, such as '15 mm'", "outer radius of the ring", usual=(1e-5, 100.0)
+        "m", "a length > 0", "15 mm", "outer radius of the ring", usual=(1e-5, 100.0)
     )
     inlet: Literal["inner", "outer"] = described(_INLET, default="inner")
     lay: Any = described(_LAY, default="circumferential")

@@ -184,6 +184,7 @@ def _map_of_array(numbers: NDArray, spacing: Pair | None, options: Reading) -> R
         grid.heights,
         spacing=spacing,
         unclear=f"coordinates in steps of {steps}, without a unit",
+        has_coordinates=True,
         notes=grid.notes,
     )
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from numpy.typing import NDArray
 
-from ..base import Flags, InputError, Lengths, Pair, Periodic, to_si
+from ..base import FileError, Flags, InputError, Lengths, Pair, Periodic, to_si
 from .instrument_limits import UNKNOWN, Instrument
 
 #: Value of `no_data` that says that every number of the file is a height.
@@ -35,6 +35,8 @@ class Raw:
         Numbers that mark undefined points according to the header of the file.
     unclear : str
         Text in the file about the unit or the pixel size that could not be interpreted, for messages.
+    has_coordinates : bool
+        Whether the file states the coordinates of each point, so that the order of its axes is known.
     notes : tuple of str
         Notes on how the file was interpreted where it is ambiguous.
     """
@@ -47,6 +49,7 @@ class Raw:
     instrument: Instrument = UNKNOWN
     no_data: tuple[float, ...] = ()
     unclear: str = ""
+    has_coordinates: bool = False
     notes: tuple[str, ...] = ()
 
 
@@ -71,10 +74,10 @@ class Reading:
     resolution: float | None = None
 
 
-def bad_file(path: Path, given: object, allowed: str) -> InputError:
-    """Make an InputError about the content of a file."""
+def bad_file(path: Path, given: object, allowed: str) -> FileError:
+    """Make an error about the content of a file."""
     on_one_line = " ".join(str(given).split())
-    return InputError(str(path), on_one_line[:200], allowed)
+    return FileError(path, str(path), on_one_line[:200], allowed)
 
 
 def length_unit(text: str) -> float | None:

@@ -19,7 +19,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Flags, InputError, Pair, Periodic, Shape, as_text, to_si, to_text, validate
+from ..base import (
+    FileError,
+    Flags,
+    InputError,
+    Pair,
+    Periodic,
+    Shape,
+    as_text,
+    to_si,
+    to_text,
+    validate,
+)
 from .coordinates import profile_error
 from .formats import READERS, read_file, reading
 from .instrument_limits import Instrument
@@ -65,6 +76,8 @@ class Look:
         Whether the pixel size and the unit of height, respectively, are known from the file or from the caller.
     instrument : Instrument
         Limits of the instrument according to the file and the caller.
+    has_coordinates : bool
+        Whether the file states the coordinates of each point, so that the order of its axes is known.
     notes : tuple of str
         Notes on how the file was interpreted where it is ambiguous.
     """
@@ -74,6 +87,7 @@ class Look:
     masked_fraction: float
     is_known: Periodic
     instrument: Instrument
+    has_coordinates: bool
     notes: tuple[str, ...] = ()
 
 
@@ -198,7 +212,7 @@ def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
     masked_fraction = 0.0 if file_mask is None else float(np.mean(file_mask))
     heights = _apply_masks(defined.heights, file_mask, given)
     pixel = _pixel_size(raw.spacing, given, heights.shape)
-    unclear, needs_unit = raw.unclear, raw.needs_unit
+    unclear, needs_unit, has_coordinates = raw.unclear, raw.needs_unit, raw.has_coordinates
     del raw, defined, file_mask  # so that at most two arrays as large as the map are in memory
 
     # heights in metres, and a pixel size, even if the file states neither unit nor pixel size
@@ -212,13 +226,15 @@ def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
     try:
         topography = Topography(heights, usable_pixel, given.periodic)
     except InputError as error:
-        raise InputError(f"{path}: {error.what}", error.given, error.expected) from None
+        raise FileError(path, f"{path}: {error.what}", error.given, error.expected) from None
     if not errors:
         errors = [*_implausible(path, topography, given)]
     if given.crop is not None:
         topography = topography.crop_to(given.crop)
     is_known = pixel is not None, height_unit is not None
-    return Look(topography, tuple(errors), masked_fraction, is_known, instrument, notes)
+    return Look(
+        topography, tuple(errors), masked_fraction, is_known, instrument, has_coordinates, notes
+    )
 
 
 def _combine_instruments(file_instrument: Instrument, given: Reading) -> Instrument:
@@ -290,7 +306,7 @@ def _check_options(path: Path, given: Reading) -> None:
     """Raise InputError if the file does not exist, or if an option does not apply to this kind of file."""
     if not path.is_file():
         problem = "a folder" if path.is_dir() else "no such file"
-        raise InputError(str(path), problem, "a file with heights")
+        raise FileError(path, str(path), problem, "a file with heights")
     suffix = path.suffix.lower()
     has_text = is_text(path)
     is_array = suffix in (".npy", ".npz")

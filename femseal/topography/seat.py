@@ -26,7 +26,7 @@ MOST_SLOPE = 0.3
 
 def _radius(meaning: str, example: str) -> Any:
     """Declare a parameter that is a radius."""
-    return parameter("m", f"a radius > 0, such as '{example}'", meaning, usual=(1e-6, 1e3))
+    return parameter("m", "a radius > 0", example, meaning, usual=(1e-6, 1e3))
 
 
 class Seat:
@@ -227,7 +227,8 @@ class BallOnCone(Seat):
     radius: float = _radius("radius of the crown or of the ball", "10 mm")
     angle: float = parameter(
         "rad",
-        "half the angle of the cone, such as '45 deg'",
+        "half the angle of the cone",
+        "45 deg",
         "half the angle of the cone; loads are then axial forces or pressures",
         usual=(1e-3, 1.6),
     )
@@ -265,7 +266,7 @@ class RoundedSeat(Seat):
 
     kind: ClassVar[str] = "rounded"
     land: float = parameter(
-        "m", "a breadth > 0, such as '0.5 mm'", "breadth of the flat part", usual=(1e-7, 1.0)
+        "m", "a breadth > 0", "0.5 mm", "breadth of the flat part", usual=(1e-7, 1.0)
     )
     edge_radius: float = _radius("radius of both edges", "2 mm")
 
@@ -288,7 +289,8 @@ class TiltedSeat(Seat):
     kind: ClassVar[str] = "tilted"
     tilt: float = parameter(
         "rad",
-        "an angle, such as '0.02 deg'",
+        "an angle",
+        "0.02 deg",
         "slope across the seal; the seat is highest at the inlet",
         usual=(-0.2, 0.2),
         above=-np.inf,

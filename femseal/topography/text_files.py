@@ -111,6 +111,7 @@ def read_text(path: Path, options: Reading) -> Raw:
         needs_unit=header.unknown_unit,
         no_data=header.no_data,
         unclear=header.unclear,
+        has_coordinates=table.steps is not None,
         notes=table.notes,
     )
 

@@ -86,7 +86,7 @@ def test_every_registered_fluid_can_be_chosen(data, kind):
         given["name"] = "nitrogen"
     declared = {name: f for name, f in of_class.items() if "allowed" in f.metadata}
     for name, f in declared.items():
-        given[name] = re.search("'(.*)'", f.metadata["allowed"])[1]
+        given[name] = f.metadata["allowed_example"]
 
     def fluid(table):
         return parse_case(data | {"fluid": table}).fluid
@@ -350,7 +350,8 @@ def masked(tmp_path, data):
     mask = np.zeros(face.shape)
     mask[100:], mask[:, 120:] = 1, 2
     np.savetxt(tmp_path / "mask.txt", mask.T, "%d")
-    (tmp_path / "bad.npy").write_text("no numbers")
+    for name in ("bad.npy", "face.npz.npy"):
+        (tmp_path / name).write_text("no numbers")
     data["face"] = {"kind": "file", "path": "face.npz", "mask": "mask.txt"}
     data["cells"] = {"count": [1, 1]}
     return data
@@ -382,6 +383,7 @@ def test_a_face_is_masked_and_cropped_as_the_case_says(tmp_path, masked):
         (CROPPED | SPACED | {"file_mask": False}, r"^face\.file_mask: given"),
         (CROPPED | {"path": "bad.npy"}, r"^face\.path, .*bad.npy: given"),
         (CROPPED | {"mask": "bad.npy"}, r"^face\.mask, .*bad.npy: given"),
+        (CROPPED | {"mask": "face.npz.npy"}, r"^face\.mask, .*face.npz.npy: given"),
         ({"crop": ["0 um", "10 um"]}, r"face\.crop"),
         ({"crop": ["-1 um", "10 um", "0 um", "9 um"]}, r"face\.crop"),
         ({"crop": "10 um"}, r"face\.crop"),

@@ -10,6 +10,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import femseal as fs
+from femseal.base import quantities
 from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.runs.job import face_files
@@ -98,6 +99,13 @@ class TestForces:
     def test_what_is_refused(self, data, loading, words):
         with pytest.raises(fs.InputError, match=words):
             parse_case(data | {"load": {"loading": loading}})
+
+    def test_a_reworded_message_has_no_effect(self, data, monkeypatch):
+        monkeypatch.setattr(quantities, "_expected_quantity", lambda unit, like: "something else")
+        with pytest.raises(fs.InputError, match=r"a pressure >= 0.* or a force"):
+            parse_case(data | {"load": {"loading": ["5 m"]}})
+        with pytest.raises(fs.InputError, match="comma"):
+            parse_case(data | {"load": {"loading": ["1,5 MPa"]}})
 
 
 class TestMaps:
