@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
 from math import sqrt
-from typing import Any
 
 import numpy as np
 from scipy.special import bdtr, ndtri, stdtrit
@@ -18,10 +17,9 @@ from scipy.special import bdtr, ndtri, stdtrit
 from ..base import Array, Flags, Pair, counted
 from ..checks import FormEffect
 from ..loads import LoadProgramme
-from ..studies import BlocksResult, Scene, StochasticResult, StudyResult, study_of_result
+from ..studies import Scene, StudyResult, study_of_result
 from ..studies.patch_interval import COVERAGE, interval_widths
 from ..studies.patch_state import PatchState
-from ..studies.study_registry import contact_fraction_of, open_leakage_of
 from .error_parts import ErrorBudget, ErrorPart
 from .leakage_changes import CoarserSolution, part_of_changes, sensitivity
 from .missing_waves import filter_part, raised_by_slope
@@ -147,10 +145,13 @@ def patches_to_halve(count: int) -> int:
     return more
 
 
-def realisations_part(study: StochasticResult) -> ErrorPart:
-    """Estimate the error due to the finite number of realisations from the confidence interval of their median."""
-    note = f"interval of the median of {counted(len(study.leakage), 'realisation')} by its ranks"
-    ends = np.array([median_interval(column) for column in study.leakage.T])
+def realisations_part(leakage: Array) -> ErrorPart:
+    """Estimate the error due to the finite number of realisations from the confidence interval of their median.
+
+    leakage : leakage of each realisation at every step (realisations, steps) [m²/s].
+    """
+    note = f"interval of the median of {counted(len(leakage), 'realisation')} by its ranks"
+    ends = np.array([median_interval(column) for column in leakage.T])
     return ErrorPart("realisations", ends[:, 0], ends[:, 1], note)
 
 
@@ -185,7 +186,7 @@ def median_interval(values: Array) -> Pair:
     return float(low), float(high)
 
 
-def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
+def effective_pressure_part(scene: Scene, study: StudyResult) -> ErrorPart | None:
     """Estimate the error of reducing the load of a cell by the fluid pressure instead of coupling contact and flow.
 
     The error is only estimated for stochastic seals with cells at random, if the fluid pressure acts on the surfaces.
@@ -197,14 +198,14 @@ def effective_pressure_part(scene: Scene, study: Any) -> ErrorPart | None:
     fifth, of the change due to the fluid pressure. For wider seals, the error is smaller.
     """
     fluid = scene.acting_fluid
-    if fluid is None or not isinstance(study, StochasticResult) or study.tiles.in_order:
+    if fluid is None or not study.takes_random_cells:
         return None
     note = "cells under their effective pressure against a coupled face, measured on faces four waves broad"
-    q = study.quantile(0.5)
+    q = study.predicted_leakage
     carried = abs(fluid.carried)  # nominal pressure that the fluid carries [Pa]
     # a load below the part that the fluid carries is raised to this part; the tiny number prevents a division by 0
     loads = np.maximum(study.steps.pressures, max(carried, 1e-300))
-    slope = sensitivity(study.steps, q, study.contact_fraction)
+    slope = sensitivity(study.steps, q, study.contact_fraction_at(study.steps))
     # change of ln(leakage) due to the part of the load that the fluid carries
     effect = slope * carried / loads
     below = 0.5 * effect
@@ -381,13 +382,13 @@ class NumericalErrors:
         """Read leakage and contact fraction at every step (steps,) from the result of a study."""
         self.scene = scene
         self.study = study
-        self.leakage = study_of_result(study).leakage(study)
-        self.in_contact = contact_fraction_of(study, scene.steps)
+        self.leakage = study.predicted_leakage
+        self.in_contact = study.contact_fraction_at(scene.steps)
 
     @cached_property
     def closing(self) -> Flags:
         """Flag for each step (steps,): True if the last leakage path is about to close, see `near_closing`."""
-        return near_closing(self.leakage, open_leakage_of(self.study, self.scene))
+        return near_closing(self.leakage, self.study.open_leakage(self.scene))
 
     def _wider_near_closing(self, part: ErrorPart) -> ErrorPart:
         """Widen the interval of an error source at steps where the last leakage path is about to close."""
@@ -430,21 +431,22 @@ class NumericalErrors:
 
     def realisations(self) -> list[ErrorPart]:
         """Estimate the error of the median leakage that is due to the finite number of realisations."""
-        return [realisations_part(self.study)] if isinstance(self.study, StochasticResult) else []
+        if self.study.realisation_count is None:
+            return []
+        return [realisations_part(self.study.leakage)]
 
     def patch(self) -> list[ErrorPart]:
         """Estimate the error of computing the leakage from measured patches, or block by block."""
         study = self.study
-        if not isinstance(study, BlocksResult | StochasticResult) or study.patch_state is None:
+        if study.patch_state is None:
             return []
-        name = "blocks" if isinstance(study, BlocksResult) else "patch"
+        name = study_of_result(study).patch_source
         n_patches = len(self.scene.surface.patches)
         part = calibrated_part(name, study.kind, self.leakage, study.patch_state, n_patches)
-        if isinstance(study, StochasticResult) and study.patches is not None:
-            without = study.patches.without
-            if without is not None:
-                # three or more patches show how much patches of this surface differ
-                part = patches_part(self.leakage, without, part)
+        without = None if study.patches is None else study.patches.without
+        if without is not None:
+            # three or more patches show how much patches of this surface differ
+            part = patches_part(self.leakage, without, part)
         return [part]
 
     def budget_of(self, parts: Sequence[ErrorPart]) -> ErrorBudget:

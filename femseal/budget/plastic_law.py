@@ -16,7 +16,6 @@ import numpy as np
 from ..base import Array
 from ..materials import HARDNESS_FACTOR
 from ..studies import Scene
-from ..studies.study_registry import contact_fraction_of
 from .error_parts import ErrorPart
 from .leakage_changes import part_of_changes, sensitivity
 
@@ -79,7 +78,7 @@ def plastic_law_part(
     load_per_hardness = float(np.interp(np.log(severity), np.log(_SEVERITY), _LOAD_PER_HARDNESS))
     steps = scene.steps
     # slope of ln(leakage) over ln(load), then over ln(H)
-    load_slope = sensitivity(steps, leakage, contact_fraction_of(study, steps))
+    load_slope = sensitivity(steps, leakage, study.contact_fraction_at(steps))
     slope = load_slope * load_per_hardness
     slope = np.maximum(slope, slope[steps.peak_indices])
     # a lower hardness has the effect of a higher load, and reduces the leakage

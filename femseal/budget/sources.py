@@ -17,11 +17,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base import Array, Mapper
+from ..base import Mapper
 from ..checks import FormEffect
 from ..materials import HARDNESS_FACTOR
-from ..studies import Scene, StochasticResult, study_of_result
-from ..studies.study_registry import contact_fraction_of
+from ..studies import Scene, StudyResult, study_of_result
 from ..topography import Continuation, Surface
 from ..topography.instrument_limits import UNSEEN
 from .changed_models import ModelChange, model_changes, model_part, opposite_matters
@@ -135,7 +134,7 @@ class Evaluation:
         self._solved.append((version, leakages))
         return leakages
 
-    def on_grid(self, version: Version, result: Any) -> CoarserSolution | None:
+    def on_grid(self, version: Version, result: StudyResult) -> CoarserSolution | None:
         """Compare the leakages of a changed and the unchanged version of the input on equal grids.
 
         The result is None if the study failed for the changed or for the unchanged version.
@@ -150,7 +149,7 @@ class Evaluation:
 
 #: Function that estimates the error of one error source for the result of a study. The `ErrorBudget` contains the error
 #: sources that come before it in `SOURCES`.
-Parts = Callable[[Evaluation, Any, ErrorBudget], Sequence[ErrorPart | None]]
+Parts = Callable[[Evaluation, StudyResult, ErrorBudget], Sequence[ErrorPart | None]]
 
 
 @dataclass(frozen=True)
@@ -185,17 +184,21 @@ def _no_versions(request: BudgetRequest) -> list[Version | None]:
     return []
 
 
-def _errors_of(evaluation: Evaluation, result: Any) -> NumericalErrors:
+def _errors_of(evaluation: Evaluation, result: StudyResult) -> NumericalErrors:
     """Return the object that estimates the numerical errors of a study from its result."""
     return NumericalErrors(evaluation.request.version.scene, result)
 
 
-def _solver(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+def _solver(
+    evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
+) -> Sequence[ErrorPart]:
     """Estimate the error due to the residuals of the contact and flow solvers."""
     return _errors_of(evaluation, result).solver()
 
 
-def _pixels(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+def _pixels(
+    evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
+) -> Sequence[ErrorPart]:
     """Estimate the error of the pixel size, by comparison with a coarser grid."""
     request = evaluation.request
     solved = {} if request.coarser is None else evaluation.solve(request.coarser)
@@ -205,7 +208,9 @@ def _pixels(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequenc
     return _errors_of(evaluation, result).pixels(coarse, wave_pixels)
 
 
-def _filter(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+def _filter(
+    evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
+) -> Sequence[ErrorPart]:
     """Estimate the error of the low-pass filter, by removing a further octave of the shortest waves."""
     smoother = evaluation.request.smoother
     filtered = None
@@ -214,30 +219,34 @@ def _filter(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequenc
     return _errors_of(evaluation, result).filter(filtered, kept_slope(evaluation.request.version))
 
 
-def _realisations(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+def _realisations(
+    evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
+) -> Sequence[ErrorPart]:
     """Estimate the error of the median leakage that is due to the finite number of realisations."""
     return _errors_of(evaluation, result).realisations()
 
 
-def _patch(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> Sequence[ErrorPart]:
+def _patch(evaluation: Evaluation, result: StudyResult, budget: ErrorBudget) -> Sequence[ErrorPart]:
     """Estimate the error of computing the leakage from measured patches, or block by block."""
     return _errors_of(evaluation, result).patch()
 
 
 def _effective_pressure(
-    evaluation: Evaluation, result: Any, budget: ErrorBudget
+    evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error of subtracting the fluid pressure from the load of a cell."""
     return [effective_pressure_part(evaluation.request.version.scene, result)]
 
 
-def _thin_gap(evaluation: Evaluation, result: Any, budget: ErrorBudget) -> list[ErrorPart | None]:
+def _thin_gap(
+    evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
+) -> list[ErrorPart | None]:
     """Estimate the error of Reynolds' equation in a gap that is not thin."""
     return [thin_gap_part(evaluation.request.version.scene, leakage_of(result))]
 
 
 def _plastic_law(
-    evaluation: Evaluation, result: Any, budget: ErrorBudget
+    evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error of the contact law, which does not let the contact pressure exceed the hardness."""
     request = evaluation.request
@@ -246,7 +255,7 @@ def _plastic_law(
 
 
 def _form_of_the_patch(
-    evaluation: Evaluation, result: Any, budget: ErrorBudget
+    evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error that arises because the curvature of a patch may be form deviation or roughness."""
     version = evaluation.request.version
@@ -259,11 +268,11 @@ def _form_of_the_patch(
 
 
 def _longer_waves(
-    evaluation: Evaluation, result: Any, budget: ErrorBudget
+    evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Estimate the error of leaving out waves longer than the measured patch, for stochastic seals only."""
+    """Estimate the error of leaving out waves longer than the measured patch, for realisations of a seal only."""
     version = evaluation.request.version
-    if not isinstance(result, StochasticResult):
+    if result.realisation_count is None:
         return []
     changes = version.longer_waves(evaluation.request.grid.scene.surface, evaluation.mapper)
     if changes is None:
@@ -273,7 +282,7 @@ def _longer_waves(
 
 
 def _continuation(
-    evaluation: Evaluation, result: Any, budget: ErrorBudget
+    evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error of extrapolating the spectrum. The error is unknown if one of the modified surfaces failed."""
     version, grid = evaluation.request.version, evaluation.request.grid
@@ -296,7 +305,7 @@ def _continuation(
     smoother_surface = version.scene.surface.low_pass(2 * continuation.cut_off)
     shorter = replace(without_octave, rms_slope=smoother_surface.rms_slope)
     slope_ratio = _slope_ratio_beyond(version.scene.surface, continuation, grid.scene)
-    in_contact: Array = contact_fraction_of(result, version.scene.steps)
+    in_contact = result.contact_fraction_at(version.scene.steps)
     leakage = leakage_of(result)
     part = continuation_part(
         version.scene,
@@ -333,7 +342,7 @@ def _changed_versions(request: BudgetRequest, name: str) -> list[Version | None]
 
 
 def _changed_model(
-    evaluation: Evaluation, result: Any, budget: ErrorBudget, name: str
+    evaluation: Evaluation, result: StudyResult, budget: ErrorBudget, name: str
 ) -> list[ErrorPart | None]:
     """Estimate the error from the source `name` by solving the input with a changed model.
 

@@ -9,12 +9,12 @@ import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import ceil, prod
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
 from ..base import Array, FemsealError, Mapper, NotKept, Shape
-from ..studies import STUDIES, Sampling, Scene, StochasticResult, Study, study_of_result
+from ..studies import Sampling, Scene, Study, StudyResult, study_of_result
 from ..studies.sampling import FEWEST_SEALS
 from ..topography import Conditioning, Continuation, Representative, Surface
 from .changed_models import FormTolerance, ModelChange
@@ -140,10 +140,9 @@ def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 
 def solved_study(study: Study) -> Study:
     """Return the study that computes the leakage of a modified version, for comparison with a study of the run.
 
-    For the two-scale study, the deterministic study is returned, because both leakages are equal for the whole surface.
-    All other studies are returned unchanged.
+    If the study contains another study, the contained study is returned, because its leakage is the same.
     """
-    return STUDIES["deterministic"] if study.name == "two-scale" else study
+    return study.contained or study
 
 
 def coarser_grid(version: Version) -> Version | None:
@@ -250,18 +249,17 @@ def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage
         except FemsealError as error:
             log.warning("error budget: %s on a coarser grid failed: %s", study.name, error)
             continue
-        realisations = len(result.leakage) if isinstance(result, StochasticResult) else None
-        leakages[study.key] = VersionLeakage(leakage_of(result), realisations)
+        leakages[study.key] = VersionLeakage(leakage_of(result), result.realisation_count)
     return leakages
 
 
-def leakage_of(result: Any) -> Array:
-    """Return the leakage of a study at every step (steps,) [m²/s], or the median leakage for a stochastic study."""
-    return study_of_result(result).leakage(result)
+def leakage_of(result: StudyResult) -> Array:
+    """Return the leakage of a study at every step (steps,) [m²/s], the median of the realisations if there are any."""
+    return result.predicted_leakage
 
 
 def compare_leakage(
-    result: Any, version: Version, solved: Mapping[str, VersionLeakage]
+    result: StudyResult, version: Version, solved: Mapping[str, VersionLeakage]
 ) -> CoarserSolution:
     """Compare the leakage of a coarser version of the input with that of the original input.
 
@@ -274,8 +272,8 @@ def compare_leakage(
     solution = solved.get(solved_study(study_of_result(result)).key)
     if solution is None:
         return CoarserSolution(points, np.full(len(version.scene.steps), np.nan))
-    if not isinstance(result, StochasticResult):
+    if solution.realisations is None:
         return CoarserSolution(points, solution.leakage, rms_slope=slope)
     # the first realisations of the study have the same cells in the same tiles as the realisations of the version
-    same_seals = replace(result, leakage=result.leakage[: solution.realisations])
+    same_seals = replace(cast(Any, result), leakage=result.leakage[: solution.realisations])
     return CoarserSolution(points, solution.leakage, leakage_of(same_seals), slope)

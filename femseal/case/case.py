@@ -22,6 +22,8 @@ from ..fluids import leak_basis, potential_of
 from ..materials import Coated, Solid
 from ..scene.choices import FLUID_EFFECTS
 from ..seal.layouts import Layout, MeshLayout, parse_lay
+from ..studies.study_list import DEFAULT_STUDY, STUDY_NAMES, names_with, studies_named
+from ..studies.study_type import Study
 from .completion import complete, least_detrend
 from .faces import Face, FileFace, SurfaceTable
 from .faults import errors_in_table, invalid_value
@@ -43,7 +45,7 @@ from .solid_table import SolidTable
 from .table_types import Table, files_in, key
 
 Boundary = Literal["periodic", "mirror", "free"]
-Method = Literal["deterministic", "two-scale", "blocks", "stochastic"]
+Method = Literal[STUDY_NAMES]  # type: ignore[valid-type]
 
 
 class ContactTable(Table):
@@ -121,8 +123,12 @@ class Case(Table):
     """A case: the whole input of a run, with all values in SI."""
 
     title: str = key("heading of the report", "", start="My seal", max_length=200)
-    method: Method = key("how the leakage is computed", "stochastic", start="stochastic")
-    compare: tuple[Method, ...] = key("further methods, for comparison", (), example=["two-scale"])
+    method: Method = key(  # type: ignore[valid-type]
+        "how the leakage is computed", DEFAULT_STUDY.name, start=DEFAULT_STUDY.name
+    )
+    compare: tuple[Method, ...] = key(  # type: ignore[valid-type]
+        "further methods, for comparison", (), example=["two-scale"]
+    )
     accuracy: Accuracy | None = key(
         "relative numerical error that you want; settings that the case leaves open are "
         "refined until it is reached",
@@ -267,9 +273,10 @@ class Case(Table):
         layout = self.layout
         if layout.has_length:
             return
-        if "stochastic" not in self.methods:
+        if not self.solves_realisations:
             given = f"{layout.kind} with the method {self.method}"
-            expected = "the method stochastic, which covers a seal of this shape with tiles"
+            method = names_with("has_realisations")
+            expected = f"the method {method}, which covers a seal of this shape with tiles"
             raise InputError("seal.kind", given, expected)
         for name in ("length", "breadth"):
             value = getattr(self.stochastic, name, None)
@@ -311,16 +318,16 @@ class Case(Table):
         """
         if self.load.map is not None:
             reason = "the other methods have one nominal pressure"
-            self._check_stochastic_alone("load.map", "a map", reason)
+            self._check_only_realisations("load.map", "a map", reason)
         if self.seal.form:
             reason = "the other methods have the measured form of the surface"
-            self._check_stochastic_alone("seal.form", "a form", reason)
+            self._check_only_realisations("seal.form", "a form", reason)
             if self.load.map is not None:
                 expected = "a map or a form, because the form determines the pressure as well"
                 raise InputError("load.map", "a map with seal.form", expected)
 
-    def _check_stochastic_alone(self, name: str, given: str, reason: str) -> None:
-        """Raise an InputError if a key that only the stochastic method can use is combined with other methods.
+    def _check_only_realisations(self, name: str, given: str, reason: str) -> None:
+        """Raise an InputError if a key that only a method with realisations can use is combined with other methods.
 
         Parameters
         ----------
@@ -328,10 +335,11 @@ class Case(Table):
         given : short description of the value of the key, for the error message.
         reason : reason why the other methods cannot use the key, for the error message.
         """
-        others = self.methods - {"stochastic"}
+        others = [study.name for study in self.studies if not study.has_realisations]
         if others:
             given = f"{given} with the method {', '.join(sorted(others))}"
-            raise InputError(name, given, f"stochastic alone, because {reason}")
+            method = names_with("has_realisations")
+            raise InputError(name, given, f"{method} alone, because {reason}")
 
     def _check_files(self) -> None:
         """Raise an InputError if a file that the case names does not exist."""
@@ -377,6 +385,16 @@ class Case(Table):
     def methods(self) -> set[str]:
         """All methods of the run, from the keys `method` and `compare`."""
         return {self.method, *self.compare}
+
+    @property
+    def studies(self) -> list[Study]:
+        """Studies of all methods, in the order in which they are solved."""
+        return studies_named(self.methods)
+
+    @property
+    def solves_realisations(self) -> bool:
+        """Whether a method solves realisations of a whole seal, and not only the surface."""
+        return any(study.has_realisations for study in self.studies)
 
     @property
     def solids(self) -> tuple[Solid, Solid | None]:

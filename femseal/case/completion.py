@@ -23,6 +23,7 @@ from ..gases import RealGas
 from ..materials import named_solid
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
 from ..seal.seal_files import columns_of, read_columns
+from ..studies.study_list import DEFAULT_OF_SURFACE, DEFAULT_STUDY, STUDIES
 from .faults import errors_in_table
 from .hot_hardness import hot_hardness_warnings
 from .quantity_types import Amount, in_si, unvalidated_value
@@ -50,8 +51,9 @@ _SOLID_UNITS = {"young": "Pa", "poisson": "", "yield_stress": "Pa", "hardness": 
 #: Warning about a case with an accuracy, but without a method and without a whole seal.
 _ACCURACY_OF_FACE = (
     "The leakage is that of the surface alone, not that of whole seals: the case asks for an accuracy, but gives "
-    'neither a method nor the length of the seal, so that the method is "deterministic". For whole seals, set '
-    'method = "stochastic" and a length in [stochastic]; to keep the surface alone, set method = "deterministic"'
+    f'neither a method nor the length of the seal, so that the method is "{DEFAULT_OF_SURFACE.name}". For whole seals, '
+    f'set method = "{DEFAULT_STUDY.name}" and a length in [{DEFAULT_STUDY.table}]; to keep the surface alone, set '
+    f'method = "{DEFAULT_OF_SURFACE.name}"'
 )
 #: Heading of a column in a file with the hardness at several depths: name and unit.
 _COLUMN = re.compile(r"(depth|hardness)\s*[\[(]\s*(.+?)\s*[\])]$")
@@ -105,27 +107,28 @@ def _names_files(table: Any) -> bool:
 
 
 def _with_tables_for_methods(data: RawTable, warnings: list[str]) -> RawTable:
-    """Add the default method if the case has no method, and the table [stochastic] if a method needs this table.
+    """Add the default method if the case has no method, and each table that a method of the case needs.
 
-    The default method is "stochastic". If the case asks for an accuracy but describes only a surface, and not a whole
-    seal, the default method is "deterministic", and a warning is added. A case describes only a surface if the seal is
-    a strip without a length, that is, if the table [stochastic] is missing. The method "auto" of earlier versions is
-    replaced by "deterministic".
+    The default method is `DEFAULT_STUDY`. If the case asks for an accuracy but describes only a surface, and not a
+    whole seal, the default method is `DEFAULT_OF_SURFACE`, and a warning is added. A case describes only a surface if
+    the seal is a strip without a length, that is, if the table of `DEFAULT_STUDY` is missing. The method "auto" of
+    earlier versions is replaced by `DEFAULT_OF_SURFACE`.
     """
     is_strip = data.get("seal", {}).get("kind", "rectangular") == "rectangular"
     has_accuracy = data.get("accuracy") is not None
-    is_only_face = has_accuracy and is_strip and "stochastic" not in data
-    method = data.get("method", "deterministic" if is_only_face else "stochastic")
+    is_only_face = has_accuracy and is_strip and DEFAULT_STUDY.table not in data
+    default_study = DEFAULT_OF_SURFACE if is_only_face else DEFAULT_STUDY
+    method = data.get("method", default_study.name)
     if method == "auto":
-        method = "deterministic"
+        method = DEFAULT_OF_SURFACE.name
     if is_only_face and "method" not in data:
         warnings.append(_ACCURACY_OF_FACE)
     compared = data.get("compare", ())
-    is_compared = isinstance(compared, list) and "stochastic" in compared
-    added: RawTable = {}
-    if method == "stochastic" or is_compared:
-        added["stochastic"] = {}
-    return added | data | {"method": method}
+    methods = [method, *(compared if isinstance(compared, list) else ())]
+    needed_tables: RawTable = {
+        study.table: {} for study in STUDIES.values() if study.table and study.name in methods
+    }
+    return needed_tables | data | {"method": method}
 
 
 def _with_present_face_keys(data: RawTable, warnings: list[str]) -> RawTable:

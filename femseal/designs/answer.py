@@ -381,7 +381,7 @@ def _notes(seals: Seals, fraction: float, results: Results) -> list[str]:
             "the fluid carries the whole load"
         )
     n_failed = results.dataset.sizes.get("realisation", seals.count) - seals.count
-    if n_failed > 0 and results.method == "median":
+    if n_failed > 0 and results.best_study.has_realisations:
         notes.append(
             f"{counted(n_failed, 'realisation')} left out because the solution failed at some load"
         )

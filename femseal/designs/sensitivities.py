@@ -27,7 +27,7 @@ from ..case.case import Case
 from ..execution.run import Progress, Run, ordered_map
 from ..flow.law import law_of
 from ..preparation.preparation import Prepared, prepare
-from ..refinement.refine_to_accuracy import last_version
+from ..refinement.settings import last_version
 from ..results.results import Results
 from ..studies import FluidState, Scene
 from ..studies.compiling import compile_ahead

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..base import Array, InputError
 from ..base.leak_units import leakage_unit
-from ..results.best_leakage import METHODS
+from ..results.best_leakage import solved_studies
 from ..results.load_steps import AS_PRESSURES, load_format, pressures_and_peaks
 from ..results.results import Results
 from ..results.tables import class_unit, kind_of, leakage_of
@@ -38,7 +38,7 @@ def _draw_curves(curves: LeakageCurves, ax: Axes | None, label: str | None) -> F
         leakage_panel(ax, in_common_unit, f"{label or curves.title}, ")
         ax.legend(framealpha=0.9, edgecolor="none", fontsize="small", handlelength=2.8)
         return figure_of(ax)
-    n_entries = len(curves.branches) + len(curves.other_methods) + (curves.band is not None)
+    n_entries = len(curves.branches) + len(curves.other_studies) + (curves.band is not None)
     legend_height = LEGEND_LINE * (ceil(n_entries / 2) + 1.1)
     margins = replace(
         LOADS,
@@ -156,11 +156,11 @@ def leakage_curves(results: Results) -> LeakageCurves:
         low, high = data["leakage_lower"], data["leakage_upper"]
         band = low.values, high.values
         band_name = _scatter_name(low.attrs["quantile"], high.attrs["quantile"])
-    other_methods = {
-        method: data[name].values
-        for method, name in METHODS.items()
-        if name in data and method not in ("median", results.method)
-    }
+    other_studies = [
+        (study, data[study.leakage_variable].values)
+        for study in solved_studies(data)
+        if study is not results.best_study and not study.has_realisations
+    ]
     # if there is a test fluid, the limits apply to its leakage, which is not in this picture
     limits = {} if "test_leakage" in data else _class_limits(data)
     return LeakageCurves(
@@ -170,7 +170,7 @@ def leakage_curves(results: Results) -> LeakageCurves:
         title=_method_title(results),
         band=band,
         band_name=band_name,
-        other_methods=other_methods,
+        other_studies=other_studies,
         limits=limits,
         scale=_run_scale(results),
         loads=load_format(data),
@@ -229,7 +229,7 @@ def _class_limits(data: xarray.Dataset) -> dict[str, float]:
 
 def _method_title(results: Results) -> str:
     """Return the name of the method used to compute the leakage of the main curve."""
-    return "median of the realisations" if results.method == "median" else results.method
+    return results.best_study.title
 
 
 def _scatter_name(low: float, high: float) -> str:

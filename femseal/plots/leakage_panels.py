@@ -16,6 +16,8 @@ from .style import GREY, branch_styles
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from ..studies import Study
+
 #: The ends of 95 % intervals can extend the leakage axis beyond the leakages by at most this factor.
 _FARTHEST_END = 10.0
 #: The limits of leakage classes can extend the scale beyond leakages and intervals by at most this factor.
@@ -30,8 +32,6 @@ _MARKER_IN_STRIP, _NAME_IN_STRIP = 0.28, 0.7
 _MOST_DECADES, _FEWEST_DECADES = 15, 0.5
 #: Margins of the leakage axis below and above the values, as fractions of the decades that they cover.
 _BOTTOM_MARGIN, _TOP_MARGIN = 0.05, 0.06
-#: Marker and marker size of each method whose leakages are drawn as single points in addition to the main curve.
-_STUDY_MARKERS = {"two-scale": ("D", 5.5), "deterministic": ("x", 4), "blocks": ("s", 5)}
 #: Opacity of the shaded areas of intervals.
 _BAND_OPACITY = 0.16
 #: Unit [m²/s] and name of a leakage axis on which several results are drawn.
@@ -56,9 +56,8 @@ class LeakageCurves:
         Leakage at the lower and at the upper edge of the shaded area around the main curve [m²/s].
     band_name : str
         Name of the shaded area in the legend.
-    other_methods : dict of arrays (steps,)
-        Leakages [m²/s] computed by other methods, keyed by method name. The leakages of other methods are drawn
-        as markers without lines.
+    other_studies : list of (Study, array (steps,))
+        Other studies with their leakages [m²/s], which are drawn as markers without lines.
     limits : dict of float
         Limits of leakage classes [m²/s], keyed by class name.
     scale : pair (float, str)
@@ -73,7 +72,7 @@ class LeakageCurves:
     title: str
     band: tuple[Array, Array] | None = None
     band_name: str = ""
-    other_methods: dict[str, Array] = field(default_factory=dict)
+    other_studies: list[tuple[Study, Array]] = field(default_factory=list)
     limits: dict[str, float] = field(default_factory=dict)
     scale: tuple[float, str] = COMMON_SCALE
     loads: LoadFormat = AS_PRESSURES
@@ -89,7 +88,8 @@ class LeakageCurves:
     @property
     def range(self) -> Array:
         """Absolute values of leakages, interval ends and class limits [m²/s] that the leakage axis must show."""
-        leakages = np.abs(np.concatenate([self.leakage, *self.other_methods.values()]))
+        other_leakages = [leakage for _, leakage in self.other_studies]
+        leakages = np.abs(np.concatenate([self.leakage, *other_leakages]))
         ends = np.abs(np.concatenate(self.band)) if self.band is not None else np.empty(0)
         covered = with_near_ends(leakages, ends)
         positive = covered[np.isfinite(covered) & (covered > 0)]
@@ -164,10 +164,11 @@ def leakage_panel(axes: Axes, curves: LeakageCurves, label: str = "") -> list[An
         magnitude = np.abs(curves.leakage[steps]) / factor
         line = leakage_line(axes, load[steps], magnitude, label=f"{label}{branch}", **style)
         handles.append(line)
-    for method, leakage in curves.other_methods.items():
-        marker, size = _STUDY_MARKERS[method]
+    for study, leakage in curves.other_studies:
+        marker, size = study.marker
         style = {"color": GREY, "ls": "", "marker": marker, "ms": size, "mfc": "none"}
-        handles.append(leakage_line(axes, load, np.abs(leakage) / factor, label=method, **style))
+        magnitude = np.abs(leakage) / factor
+        handles.append(leakage_line(axes, load, magnitude, label=study.label, **style))
     # a name such as "leakage of 0.3 m of seal, …" is longer than the axis and is broken after the comma
     axes.set(xlabel=load_name, ylabel=leakage_name.replace(", ", ",\n", 1))
     # `limit_lines` gives the label "_limit" to its lines, whose x data are not loads

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array
-from ..results.best_leakage import METHODS
+from ..results.best_leakage import solved_studies
 from ..results.load_steps import branches_in, load_format
 from ..results.results import Results
 from .drawing import (
@@ -41,11 +41,11 @@ def surface_leakage(data: xarray.Dataset) -> Array:
 
     If no study has computed the flow through the surface, the median leakage of the realisations is returned instead.
     """
-    preferred = ("leakage_two_scale", "leakage_deterministic", "leakage_blocks")
-    others = [name for name in METHODS.values() if name not in (*preferred, "leakage_median")]
-    names = (*preferred, *others, "leakage_median")
-    available = [name for name in names if name in data]
-    return np.asarray(data[available[0]].values)
+    studies = sorted(
+        solved_studies(data),
+        key=lambda study: (study.has_realisations, not study.solves_whole_surface),
+    )
+    return np.asarray(data[studies[0].leakage_variable].values)
 
 
 def short_load_names(data: xarray.Dataset) -> list[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
+from math import lcm
 from typing import Any
 
 from ..base import Array, InputError, Mapper, Pair, Shape, to_text
@@ -23,15 +24,24 @@ from ..checks import (
     scene_warnings,
     solve_form_effect,
 )
-from ..face.cells import FEWEST_POINTS, Cut
+from ..face.cells import Cut
 from ..seal.form import SealForm
 from ..seal.layouts import Layout
 from ..seal.tiles import SealTiles
-from ..studies import STUDIES, Sampling, Scene, Study, StudyOptions, cut_and_cover, cut_and_tiles
-from ..studies.blocks import blocks_of, check_blocks
+from ..studies import (
+    Sampling,
+    Scene,
+    Study,
+    StudyCost,
+    StudyOptions,
+    cut_and_cover,
+    cut_and_tiles,
+    studies_named,
+)
 from ..studies.patch_state import open_leakage_per_permeability
 from ..studies.sampling import check_map
 from ..studies.seal_contact import sample_form
+from ..studies.study_list import names_with
 from ..topography import (
     Conditioning,
     Continuation,
@@ -155,18 +165,13 @@ class Prepared:
     @property
     def studies(self) -> list[Study]:
         """Studies of the run, in the order in which they are solved."""
-        return [study for study in STUDIES.values() if study.name in self.methods]
+        return studies_named(self.methods)
 
     @property
     def solved_studies(self) -> list[Study]:
-        """Studies that are solved separately.
-
-        If the methods include the two-scale study, the deterministic study is not solved separately, because the
-        two-scale result contains the deterministic result.
-        """
-        if "two-scale" in self.methods:
-            return [study for study in self.studies if study.name != "deterministic"]
-        return self.studies
+        """Studies that are solved separately, without those whose result is contained in that of another study."""
+        contained = {study.contained for study in self.studies}
+        return [study for study in self.studies if study not in contained]
 
     @property
     def answer(self) -> Study:
@@ -176,10 +181,17 @@ class Prepared:
         """
         return self.studies[-1]
 
+    @property
+    def only_answer(self) -> Prepared:
+        """Copy of the input for the study `answer` alone."""
+        return replace(self, methods=frozenset({self.answer.name}))
+
     def options(self, study: Study) -> StudyOptions:
         """Return the options with which a study is solved in this run."""
-        is_first = study.name == self.solved_studies[0].name
-        return StudyOptions(self.cells, self.sampling, surface_is_solved=not is_first)
+        studies = self.solved_studies
+        earlier = studies[: studies.index(study)]
+        surface_is_solved = any(other.solves_whole_surface for other in earlier)
+        return StudyOptions(self.cells, self.sampling, surface_is_solved)
 
     def with_realisations(self, count: int) -> Prepared:
         """Return a copy of the input with the given number of realisations of the stochastic study.
@@ -194,18 +206,22 @@ class Prepared:
 
     @property
     def least_points(self) -> Shape:
-        """Smallest numbers of points along x1 and x2 that the cells of stochastic seals require."""
-        m1, m2 = self.cells if self.cells is not None and "stochastic" in self.methods else (1, 1)
-        return FEWEST_POINTS * m1, FEWEST_POINTS * m2
+        """Smallest numbers of points along x1 and x2 that the studies require for their cells."""
+        if self.cells is None:
+            return 1, 1
+        points = [study.least_points(self.cells) for study in self.studies]
+        return max(n1 for n1, _ in points), max(n2 for _, n2 in points)
 
     @property
     def points_divide_by(self) -> Shape:
         """Divisors of the numbers of points along x1 and x2.
 
-        In the study by blocks, all cells must have the same number of points. The numbers of points must therefore be
-        divisible by the numbers of cells. Other studies accept any number of points; the divisors are then 1.
+        If a study needs cells with equal numbers of points, the divisors are the numbers of cells, otherwise 1.
         """
-        return self.cells if self.cells is not None and "blocks" in self.methods else (1, 1)
+        if self.cells is None:
+            return 1, 1
+        divisors = [study.points_divide_by(self.cells) for study in self.studies]
+        return lcm(*(d1 for d1, _ in divisors)), lcm(*(d2 for _, d2 in divisors))
 
     @property
     def cut_and_tiles(self) -> tuple[Cut, SealTiles]:
@@ -226,11 +242,9 @@ class Prepared:
 
     def solve(self, study: Study, mapper: Mapper) -> Any:
         """Solve a study, and return its result."""
-        options = self.options(study)
-        values = [getattr(options, name) for name in study.option_names]
-        return study.solve(self.scene, *values, mapper=mapper)
+        return study.solve(self.scene, self.options(study), mapper)
 
-    def cost(self, study: Study) -> tuple[float, float]:
+    def cost(self, study: Study) -> StudyCost:
         """Return the expected time on one core [s] and the memory [byte] of a study."""
         return study.cost(self.scene, self.options(study))
 
@@ -298,12 +312,9 @@ def prepare(case: Case) -> Prepared:
             )
             sampling, cells = stochastic_input.sampling, stochastic_input.cells
             seal_warnings = stochastic_input.warnings
-        methods = frozenset(case.methods)
         with errors_with_keys(SEAL_KEYS):
-            if methods & {"deterministic", "two-scale"}:
-                scene.check_spiral()
-            if "blocks" in methods:
-                check_blocks(scene, blocks_of(cells))
+            for study in case.studies:
+                study.check(scene, StudyOptions(cells, sampling))
         surface_is_measured = is_measured(case, surface)
         longest_waves = representative(surface) if surface_is_measured else None
         return Prepared(
@@ -313,7 +324,7 @@ def prepare(case: Case) -> Prepared:
             conditioning=conditioned.conditioning,
             overlap=conditioned.overlap,
             continuation=conditioned.continuation,
-            methods=methods,
+            methods=frozenset(case.methods),
             seat="" if seat is None else str(seat),
             form=_form_tolerance(case, sampling, seat),
             longest_waves=longest_waves,
@@ -386,7 +397,7 @@ def _lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | N
 
     Without a stochastic study, the seal has the size of the surface.
     """
-    table = case.stochastic if "stochastic" in case.methods else None
+    table = case.stochastic if case.solves_realisations else None
     if table is None:
         return _Seal(sampling=None, size=surface.size, form_is_separate=False)
     length = table.length
@@ -422,10 +433,11 @@ def _add_seat(case: Case, seat: Seat | None, surface: Surface, form_is_separate:
     """
     if seat is None:
         return surface
-    if form_is_separate and case.methods != {"stochastic"}:
+    if form_is_separate and not all(study.has_realisations for study in case.studies):
         methods = ", ".join(sorted(case.methods))
         given = f"a seal that takes cells from anywhere on the surface, with {methods}"
-        expected = "the method stochastic alone, or a seal that is as wide as the surface"
+        method = names_with("has_realisations")
+        expected = f"the method {method} alone, or a seal that is as wide as the surface"
         raise InputError("seat.kind", given, expected)
     if form_is_separate:
         return surface
@@ -477,7 +489,7 @@ def _nominal_pressures(case: Case, area: float, length: float) -> dict[str, tupl
     InputError
         The loads are forces, but the length of the seal is not known; or a nominal pressure is not below the hardness.
     """
-    stochastic = case.stochastic if "stochastic" in case.methods else None
+    stochastic = case.stochastic if case.solves_realisations else None
     has_length = stochastic is not None and (
         stochastic.length is not None or not case.layout.has_length
     )

@@ -13,8 +13,7 @@ import numpy as np
 from ..base import InputError, Shape, to_text
 from ..case.case import Case, CellsTable
 from ..case.faces import Face, FileFace
-from ..face.cells import Cut, usual_cells
-from ..studies.blocks import CELLS, usual_blocks
+from ..face.cells import Cut
 from ..topography import (
     Conditioning,
     Continuation,
@@ -37,8 +36,8 @@ from ..topography import (
 from .keys import FACE_KEYS, SURFACE_KEYS, errors_with_keys
 from .memory import check_memory_of_points
 
-#: Smallest and default length of a side of a cell, as multiples of the shortest wavelength.
-_LEAST_WAVES, _USUAL_WAVES = 2, 8
+#: Smallest length of a side of a cell, as a multiple of the shortest wavelength.
+_LEAST_WAVES = 2
 #: Relative error of lengths that are computed in different ways.
 _ROUNDING = 1e-9
 
@@ -62,8 +61,7 @@ class ConditionedSurface:
         Continuation of the spectrum of the surface to shorter wavelengths than measured; None if the spectrum is not
         continued.
     cells : (int, int) or None
-        Numbers of cells of the surface along x1 and x2; None if no study needs cells, or if the stochastic study
-        chooses the numbers later.
+        Numbers of cells of the surface along x1 and x2; None if no study needs cells, or if they are chosen later.
     """
 
     surface: Surface
@@ -360,13 +358,12 @@ def _choose_cells(
     """Choose the numbers of cells along both axes of a patch; return None if no method needs cells.
 
     The case can contain the size of the cells or the numbers of cells. If the case contains neither the size nor the
-    numbers, the numbers depend on the studies. In a study by blocks, each block has 4 × 4 cells. In a two-scale study
-    with a stochastic study, the function `usual_cells` determines the numbers. In a two-scale study without a
-    stochastic study, the sides of a cell are at least eight times the shortest wavelength.
+    numbers, the study that gives the leakage of the run chooses them, see `Study.usual_cells`. If a study needs equal
+    cells, this study chooses them instead, because equal cells suit the other studies as well.
     """
     table = case.cells or CellsTable()
-    stochastic = case.stochastic
-    if case.methods == {"deterministic"}:
+    studies = [study for study in case.studies if study.needs_cells]
+    if not studies:
         return None
     if table.size is not None:
         shorter = min(patch.size)
@@ -377,14 +374,10 @@ def _choose_cells(
         return m1, m2
     if table.count is not None:
         return table.count
-    if "blocks" in case.methods:
-        blocks = usual_blocks(points)
-        return CELLS * blocks[0], CELLS * blocks[1]
-    if "two-scale" not in case.methods:
-        return None  # a stochastic study chooses its cells later
-    if stochastic is not None and "stochastic" in case.methods:
-        is_in_order = case.layout.has_length and stochastic.breadth is None
-        return usual_cells(patch, in_order=is_in_order)
-    side = _USUAL_WAVES * shortest_wave
-    m1, m2 = (max(1, int(length / side + _ROUNDING)) for length in patch.size)
-    return m1, m2
+    if all(study.chooses_cells for study in studies):
+        return None  # the cells are chosen later, together with the tiles of the seal
+    with_equal_cells = [study for study in studies if study.needs_equal_cells]
+    choosing_study = (with_equal_cells or studies)[-1]
+    has_own_breadth = case.stochastic is not None and case.stochastic.breadth is not None
+    in_order = case.layout.has_length and not has_own_breadth
+    return choosing_study.usual_cells(patch, points, shortest_wave, in_order)

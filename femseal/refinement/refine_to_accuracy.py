@@ -3,236 +3,36 @@
 import json
 import logging
 import time
-from dataclasses import asdict, dataclass, field, replace
-from math import ceil
-from typing import Any, NamedTuple
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 import numpy as np
 
 from ..base import (
     FemsealError,
     NotKept,
-    Shape,
     as_text,
     duration,
     finite_data,
     format_deviation,
     free_memory,
-    to_text,
 )
 from ..budget import MODEL_PARTS, BudgetRequest, ErrorBudget, budgets_of, widest_interval
 from ..case.case import Case
 from ..execution.run import Run
-from ..face.cells import FEWEST_POINTS
-from ..preparation.memory import START_MEMORY, refuse_impossible_sizes
+from ..preparation.memory import START_MEMORY
 from ..preparation.preparation import Prepared
-from ..studies.study_registry import contact_tolerance
+from .settings import (
+    Settings,
+    apply_settings,
+    expected_cost,
+    finer_settings,
+    first_settings,
+)
 
 #: Time limit of all attempts [s] if the case has an accuracy but no time limit.
 TIME_LIMIT = 3600.0
-#: Grid of the first and of the finest attempt: how many times the points along each side are doubled, relative to the
-#: points of the case. On the grid of the case, the shortest wave has 8 pixels. On the grid of the first attempt, the
-#: shortest wave has 4 pixels. The error of the first attempt is estimated with a coarser grid, on which the shortest
-#: wave has 2 pixels. With even fewer pixels, the estimated error was too small by up to a factor of 2.
-FIRST_GRID, MOST_GRID = -1, 4
-#: Smallest tolerance of the contact solution.
-LEAST_RTOL = 1e-8
-#: Advice for error sources that no setting can reduce.
-_ADVICE = {
-    "filter": "short waves were removed; a shorter surface.shortest_wave with more surface.points keeps them, if they "
-    "were measured",
-    "patch": "one measured patch does not show more; measure a larger area or more patches",
-}
-#: Number of realisations in the first attempt, and largest number of realisations. Multiplying the number of
-#: realisations by `HALVING` halves the error of their median.
-FIRST_SEALS, MOST_SEALS, HALVING = 20, 20480, 4
 log = logging.getLogger("femseal.refinement")
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Numerical settings of an attempt.
-
-    Parameters
-    ----------
-    method : name of the study that gives the leakage.
-    grid : exponent g: the number of points along each side of the surface is 2^g times the number in the case.
-    rtol : largest relative residual of the contact solution.
-    realisations : number of realisations; None if the study has no realisations.
-    """
-
-    method: str
-    grid: int
-    rtol: float
-    realisations: int | None
-
-
-def given_settings(case: Case) -> dict[str, str]:
-    """Return the names of the settings that the case fixes, with their keys in the case.
-
-    All attempts use the fixed settings as the case states them.
-    """
-    keys: dict[str, str] = {}
-    if case.surface.points is not None:
-        keys["grid"] = "surface.points"
-    if "rtol" in case.contact.model_fields_set:
-        keys["rtol"] = "contact.rtol"
-    if case.stochastic is not None and case.stochastic.realisations is not None:
-        keys["realisations"] = "stochastic.realisations"
-    return keys
-
-
-def first_settings(case: Case, original: Prepared) -> Settings:
-    """Choose the settings of the first attempt: coarse pixels, and few realisations.
-
-    original : prepared case, with the surface on the grid of the case.
-    """
-    assert case.accuracy is not None
-    given = given_settings(case)
-    sampling = original.sampling
-    realisations = None if sampling is None else sampling.realisations
-    if sampling is not None and "realisations" not in given:
-        realisations = FIRST_SEALS
-    rtol = case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy)
-    settings = Settings(original.answer.name, 0, rtol, realisations)
-    if "grid" in given:
-        return settings
-    # The error is estimated by comparison with a grid that has half the points along each side. The cells of this grid
-    # must have enough points as well.
-    points = grid_points(original, FIRST_GRID - 1)
-    cells = original.cells or (1, 1)
-    has_enough_points = all(n // m >= FEWEST_POINTS for n, m in zip(points, cells, strict=True))
-    return replace(settings, grid=FIRST_GRID) if has_enough_points else settings
-
-
-def grid_points(original: Prepared, grid: int) -> Shape:
-    """Return the numbers of points along both sides of the surface on a finer or coarser grid.
-
-    The number of points in the case is multiplied by 2^`grid`, and rounded up to a multiple of the corresponding number
-    in `original.points_divide_by`. The surface can then be divided into equal blocks.
-    """
-    n1, n2 = (
-        ceil(n * 2.0**grid / divisor) * divisor
-        for n, divisor in zip(original.scene.surface.shape, original.points_divide_by, strict=True)
-    )
-    return n1, n2
-
-
-def apply_settings(original: Prepared, settings: Settings) -> Prepared:
-    """Return the prepared case with other settings, and with its surface resampled to the grid of the new settings.
-
-    original : prepared case, with the surface on the grid of the case.
-    """
-    surface = original.scene.surface
-    points = grid_points(original, settings.grid)
-    face = surface if points == surface.shape else surface.resample(points)
-    sampling = original.sampling
-    if sampling is not None:
-        sampling = replace(sampling, realisations=settings.realisations)
-    return replace(
-        original,
-        scene=replace(original.scene, surface=face, rtol=settings.rtol),
-        sampling=sampling,
-        conditioning=replace(original.conditioning, shape=face.shape, spacing=face.spacing),
-    )
-
-
-def first_version(case: Case, original: Prepared) -> Prepared:
-    """Prepare a case with the settings of the first attempt to reach its accuracy."""
-    with refuse_impossible_sizes():
-        return apply_settings(original, first_settings(case, original))
-
-
-def last_version(case: Case, original: Prepared, attempts: dict[str, Any] | None) -> Prepared:
-    """Prepare a case with the settings of the last attempt, or with unchanged settings if there were no attempts.
-
-    attempts : record of the attempts, as in `Results.attempts`; None if there were no attempts.
-    """
-    if attempts is None or case.accuracy is None:
-        return original
-    return apply_settings(original, Settings(**attempts["settings"]))
-
-
-def expected_cost(prepared: Prepared) -> tuple[float, float]:
-    """Estimate the time on one core [s] and the memory [byte] of the study that gives the leakage.
-
-    The other studies of the case are left out.
-    """
-    answer = prepared.answer
-    only_answer = replace(prepared, methods=frozenset({answer.name}))
-    return only_answer.cost(answer)
-
-
-def finer_settings(
-    case: Case, original: Prepared, settings: Settings, part: str, memory: float
-) -> tuple[Settings | None, str]:
-    """Choose settings that approximately halve the error from one error source.
-
-    Parameters
-    ----------
-    case : the case.
-    original : prepared case, with the surface on the grid of the case.
-    settings : settings of the last attempt.
-    part : name of the error source.
-    memory : memory that an attempt may use [byte].
-
-    Returns
-    -------
-    The finer settings, and a text that describes the change. If the error cannot be reduced: None, and a text that
-    states the reason.
-    """
-    rtol = settings.rtol / 10
-    grid = settings.grid + 1
-    realisations = HALVING * (settings.realisations or 0)
-    points = as_text(grid_points(original, grid))
-    refinements = {
-        "solver": _Refinement(
-            setting="rtol",
-            value=rtol,
-            text=f"contact.rtol {rtol:.0e}",
-            is_allowed=rtol >= LEAST_RTOL * (1 - 1e-9),
-        ),
-        "pixels": _Refinement(
-            setting="grid", value=grid, text=f"{points} points", is_allowed=grid <= MOST_GRID
-        ),
-        "realisations": _Refinement(
-            setting="realisations",
-            value=realisations,
-            text=f"{realisations} seals",
-            is_allowed=realisations <= MOST_SEALS,
-        ),
-    }
-    if part not in refinements:
-        return None, _ADVICE.get(part, "no setting reduces this error")
-    refinement = refinements[part]
-    text = refinement.text
-    case_key = given_settings(case).get(refinement.setting)
-    if case_key is not None:
-        return None, f"{case_key} is given in the case"
-    if not refinement.is_allowed:
-        return None, f"{text} is finer than any attempt"
-    finer = replace(settings, **{refinement.setting: refinement.value})
-    _, needed = expected_cost(apply_settings(original, finer))
-    if needed <= memory:
-        return finer, text
-    needed_text = to_text(needed, "B", 3)
-    memory_text = to_text(memory, "B", 3)
-    return None, f"{text} would take about {needed_text} of memory, expected {memory_text}"
-
-
-class _Refinement(NamedTuple):
-    """Describe a new value of one setting that approximately halves the error from one source.
-
-    setting : name of the setting in `Settings`.
-    value : new value of the setting.
-    text : the new value as text.
-    is_allowed : whether the new value is within the limit of the setting, for example `MOST_GRID`.
-    """
-
-    setting: str
-    value: Any
-    text: str
-    is_allowed: bool
 
 
 @dataclass(frozen=True)
@@ -417,8 +217,7 @@ class _Attempts:
         with self.run.timed(name) as mapper:
             result = prepared.solve(answer, mapper)
         with self.run.timed(f"{name}, error budget") as mapper:
-            only_answer = replace(prepared, methods=frozenset({answer.name}))
-            budget = budgets_of(BudgetRequest(only_answer), {key: result}, mapper)[key]
+            budget = budgets_of(BudgetRequest(prepared.only_answer), {key: result}, mapper)[key]
         seconds = time.perf_counter() - start
         # a resumed run takes the measured time of the original run, so that its decisions are the same
         seconds = self.run.decided("time of the attempt", self._so_far, seconds)

@@ -17,16 +17,12 @@ from ..base import Array, Flags
 from ..base.leak_rates import LeakBasis
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leakage_unit
 from ..budget import ErrorBudget, ErrorPart
-from ..studies import STUDIES
+from ..studies import STUDIES, Study
 from .load_steps import load_programme
 
 if TYPE_CHECKING:
     import xarray
 
-#: Variables with the leakage of each method, the best method first.
-METHODS = {study.label: study.leakage_variable for study in reversed(STUDIES.values())}
-#: Names of the methods in the variables of error budgets.
-_BUDGET_NAMES = {study.label: study.key for study in STUDIES.values()}
 #: Attribute of a dataset that stores each field of a `LeakBasis`.
 _BASIS_ATTRIBUTES = {
     "density": "reference_density_kg_per_m3",
@@ -41,14 +37,19 @@ _BASIS_ATTRIBUTES = {
 }
 
 
-def best_method(data: xarray.Dataset) -> str:
-    """Return the best method of a run: "median" (of realisations), "two-scale", "blocks" or "deterministic"."""
-    return next(method for method, variable in METHODS.items() if variable in data)
+def solved_studies(data: xarray.Dataset) -> list[Study]:
+    """Return the studies whose leakage is in a dataset, the best study first."""
+    return [study for study in reversed(STUDIES.values()) if study.leakage_variable in data]
+
+
+def best_study(data: xarray.Dataset) -> Study:
+    """Return the study that computed the leakage of the best method."""
+    return solved_studies(data)[0]
 
 
 def best_leakage(data: xarray.Dataset) -> xarray.DataArray:
     """Return the leakage per unit seal length computed by the best method, (step,) [m²/s]."""
-    return data[METHODS[best_method(data)]]
+    return data[best_study(data).leakage_variable]
 
 
 def open_steps(data: xarray.Dataset) -> list[int]:
@@ -120,15 +121,17 @@ def unit_of_leakage(data: xarray.Dataset) -> LeakUnit:
 
 
 def error_budgets(data: xarray.Dataset) -> dict[str, ErrorBudget]:
-    """Return the error budgets by the name of their method, such as "deterministic", "two_scale" or "stochastic".
+    """Return the error budgets by the key of their study, such as "two_scale".
 
     A method without an error budget is not in the dictionary.
     """
     steps = load_programme(data)
     # note on each source of error, by method and source
     notes: dict[str, dict[str, str]] = json.loads(data.attrs.get("error_budget", "{}"))
+    studies = {study.key: study for study in STUDIES.values()}
     budgets = {}
     for method, notes_by_source in notes.items():
+        study = studies[method]
         lower = data[f"leakage_{method}_budget_part_lower"]
         upper = data[f"leakage_{method}_budget_part_upper"]
         parts = []
@@ -136,15 +139,14 @@ def error_budgets(data: xarray.Dataset) -> dict[str, ErrorBudget]:
             source_lower = lower.sel(budget_part=source).values
             source_upper = upper.sel(budget_part=source).values
             parts.append(ErrorPart(source, source_lower, source_upper, note))
-        variable = "leakage_median" if method == "stochastic" else f"leakage_{method}"
-        leakage = data[variable].values
-        budgets[method] = ErrorBudget(method.replace("_", "-"), leakage, tuple(parts), steps)
+        leakage = data[study.leakage_variable].values
+        budgets[method] = ErrorBudget(study.name, leakage, tuple(parts), steps)
     return budgets
 
 
 def best_budget(data: xarray.Dataset) -> ErrorBudget | None:
     """Return the error budget of the best method, or None if it has none."""
-    return error_budgets(data).get(_BUDGET_NAMES[best_method(data)])
+    return error_budgets(data).get(best_study(data).key)
 
 
 # --- the fluid that decides on leakage classes ------------------------------------------------------------------
@@ -172,7 +174,7 @@ def class_leakage_of_realisations(data: xarray.Dataset) -> Array:
     For a run without realisations, there is a single row with the leakage of the best method.
     """
     variable = "test_leakage_realisations" if has_test_fluid(data) else "leakage"
-    if variable in data and best_method(data) == "median":
+    if variable in data and best_study(data).has_realisations:
         return data[variable].values
     return class_leakage_of(data)[None]
 

@@ -22,15 +22,14 @@ from ..fluids import leak_basis
 from ..seal.layouts import Layout, RectangularLayout
 from ..studies import (
     STUDIES,
-    BlocksResult,
-    FaceResult,
     FluidState,
     OtherLeakage,
     Scene,
     StochasticResult,
+    Study,
     StudyResult,
+    study_of_result,
 )
-from ..studies.study_registry import contact_fraction_of
 from ..topography import Patches
 from . import variables
 from .best_leakage import (
@@ -206,47 +205,54 @@ def _add_studies(
     by_key : result of each study, by the key of the study.
     quantiles : lower and upper quantiles of the leakage of the realisations.
     """
-    # deterministic and two-scale study, which solve the whole surface
-    face_results = [study for study in by_key.values() if isinstance(study, FaceResult)]
-    for face_result in face_results:
-        study = STUDIES[face_result.method]
-        long_name = f"leakage per unit seal length, {study.label}"
-        leakage = Field(study.leakage_variable, "m^2/s", long_name, STEP, study.label)
-        variables.add(data, leakage, face_result.leakage)
-    if face_results:
-        # if there is a two-scale study, it is the last result, and contains all fields of the deterministic study
-        _add_face(data, scene, face_results[-1])
-    blocks = by_key.get("blocks")
-    if isinstance(blocks, BlocksResult):
-        cut = Cut.of(scene.surface, blocks.pressure.shape[1:])
-        variables.add_cell_centres(data, "", cut)
-        variables.add_declared(data, blocks)
-    stochastic = by_key.get("stochastic")
-    if isinstance(stochastic, StochasticResult):
-        _add_stochastic(data, stochastic, quantiles)
+    contained = {study_of_result(result).contained for result in by_key.values()}
+    for result in by_key.values():
+        study = study_of_result(result)
+        if study.has_realisations:
+            _add_realisations(data, cast(StochasticResult, result), quantiles)
+            continue
+        _add_leakage(data, study, result)
+        # the fields of a contained result are among those of the result that contains it
+        if study not in contained:
+            _add_surface_study(data, scene, study, result)
     # variables of the measured patches, of the rows and of the surface
-    patch_results = [study.patches for study in by_key.values() if study.patches is not None]
+    patch_results = [result.patches for result in by_key.values() if result.patches is not None]
     if patch_results:
-        gap = face_results[-1].gap if face_results else None
+        gaps = [
+            cast(Any, result).gap
+            for result in by_key.values()
+            if study_of_result(result).has_pixel_fields
+        ]
+        gap = gaps[-1] if gaps else None
         variables.add_patches(data, cast(Patches, scene.surface), patch_results[0], gap)
     if "row" in data.sizes:
-        _add_row_coordinate(data, _width_of_rows(scene, stochastic))
+        _add_row_coordinate(data, _width_of_rows(scene, by_key))
     _add_heights(data, scene)
-    fraction = contact_fraction_of(next(iter(by_key.values())), scene.steps)
+    first_result = next(iter(by_key.values()))
+    fraction = first_result.contact_fraction_at(scene.steps)
     if not np.isnan(fraction).all():
         long_name = "fraction of the face in contact"
         contact = Field("contact_fraction", "1", long_name, STEP, "contact [%]")
         variables.add(data, contact, fraction)
 
 
-def _width_of_rows(scene: Scene, stochastic: StudyResult | None) -> float:
+def _result_with_realisations(by_key: Mapping[str, StudyResult]) -> StochasticResult | None:
+    """Return the result that has realisations of a whole seal; None if there is none."""
+    for result in by_key.values():
+        if result.realisation_count is not None:
+            return cast(StochasticResult, result)
+    return None
+
+
+def _width_of_rows(scene: Scene, by_key: Mapping[str, StudyResult]) -> float:
     """Return the total width of the rows whose mean contact pressure is stored, from inlet to outlet [m].
 
-    This is the width of the seal if the pressures are stored for the rows of a stochastic seal, and otherwise the width
-    of the surface.
+    This is the width of the seal if the pressures are stored for the rows of a whole seal, and otherwise the width of
+    the surface.
     """
-    if isinstance(stochastic, StochasticResult) and stochastic.row_pressure is not None:
-        return stochastic.seal.size[0]
+    seals = _result_with_realisations(by_key)
+    if seals is not None and seals.row_pressure is not None:
+        return seals.seal.size[0]
     return scene.surface.size[0]
 
 
@@ -257,22 +263,33 @@ def _add_row_coordinate(data: xarray.Dataset, width: float) -> None:
     variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", centres)
 
 
-def _add_face(data: xarray.Dataset, scene: Scene, face: FaceResult) -> None:
-    """Add the variables of a deterministic or two-scale study, including the variables of the cells, if any."""
-    variables.add_declared(data, face)
-    variables.add_block_means(data, scene, face)
-    if face.cells is None:
+def _add_leakage(data: xarray.Dataset, study: Study, result: StudyResult) -> None:
+    """Add the leakage that a study without realisations predicts."""
+    long_name = f"leakage per unit seal length, {study.label}"
+    declaration = Field(study.leakage_variable, "m^2/s", long_name, STEP, study.label)
+    variables.add(data, declaration, result.predicted_leakage)
+
+
+def _add_surface_study(
+    data: xarray.Dataset, scene: Scene, study: Study, result: StudyResult
+) -> None:
+    """Add the fields that a study without realisations declares, including the fields of the cells, if any."""
+    variables.add_declared(data, result)
+    if study.has_pixel_fields:
+        variables.add_block_means(data, scene, result)
+    if result.cells is None:
         return
-    variables.add_cell_centres(data, "", face.cells.cut)
-    for declaration, values in fields_of(face.cells):
-        if declaration.dimensions == CELL:
-            variables.add(data, declaration, values)
+    cell_fields = [pair for pair in fields_of(result.cells) if pair[0].dimensions == CELL]
+    _, first_values = cell_fields[0]
+    variables.add_cell_centres(data, "", Cut.of(scene.surface, first_values.shape[1:]))
+    for declaration, values in cell_fields:
+        variables.add(data, declaration, values)
 
 
-def _add_stochastic(
+def _add_realisations(
     data: xarray.Dataset, result: StochasticResult, quantiles: tuple[float, float]
 ) -> None:
-    """Add the variables of a stochastic study.
+    """Add the variables of a study with realisations of a whole seal.
 
     The variables are the leakages of all realisations, the fields of the cells in each contact state, and the fields of
     the realisation closest to the median leakage.
@@ -301,13 +318,13 @@ def _add_heights(data: xarray.Dataset, scene: Scene) -> None:
 
 def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts) -> dict[str, Any]:
     """Return the attributes of the dataset."""
-    stochastic = by_key.get("stochastic")
-    # without a stochastic study, the seal is a strip as large as the face
+    seals = _result_with_realisations(by_key)
+    # without realisations of a whole seal, the seal is a strip as large as the face
     size = scene.surface.size
     seal: Layout = RectangularLayout()
     tile_attributes: dict[str, Any] = {}
-    if isinstance(stochastic, StochasticResult):
-        tiles = stochastic.tiles
+    if seals is not None:
+        tiles = seals.tiles
         size = tiles.size
         seal = scene.layout
         tile_attributes = {"tiles": str(tiles), "tiles_in_order": int(tiles.in_order)}

@@ -12,8 +12,7 @@ import xarray
 
 from ..base import AnyPath, InputError, free_memory, made_folder, shortened, write_bytes
 from ..seal.layouts import RectangularLayout
-from ..studies import STUDIES
-from .best_leakage import METHODS
+from .best_leakage import best_study, solved_studies
 from .results import Results
 
 FILE_NAME = "results.nc"
@@ -130,7 +129,7 @@ def _read(path: Path) -> xarray.Dataset:
     except Exception as error:  # a damaged file can cause any error in the libraries
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError("results file", f"{path} ({reason})", "a readable netCDF file") from None
-    has_leakage = any(variable in data for variable in METHODS.values())
+    has_leakage = bool(solved_studies(data))
     if not has_leakage or not str(data.attrs.get("source", "")).startswith("femseal"):
         raise InputError("results file", f"{path}, written by another program", _EXPECTED)
     return _with_present_names(data)
@@ -151,7 +150,7 @@ def _with_all_attributes(data: xarray.Dataset) -> xarray.Dataset:
     """Add the attributes that earlier versions of femseal did not store."""
     case = json.loads(data.attrs["case"])
     kind = RectangularLayout.kind
-    if STUDIES["stochastic"].leakage_variable in data:
+    if best_study(data).has_realisations:
         kind = (case.get("seal") or {}).get("kind", kind)
     return data.assign_attrs({"seal_kind": kind} | data.attrs)
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from ..base import AnyPath, Indices, InputError, Pair, Shape, replacing, to_text, writing
 from ..base.fields import PIXEL, READABLE, Field, fields_of
 from ..base.machine import give_back
+from ..studies.study_list import STUDIES, names_with
 from . import vtk_files
 from .results import checked_cell
 
@@ -28,7 +29,10 @@ if TYPE_CHECKING:
 
 NAME = "fields"
 #: Text for error messages that says which runs store fields over the pixels.
-WITH_FIELDS = 'a run with "deterministic" or "two-scale" as method or in `compare`, with fields = true in [output]'
+WITH_FIELDS = (
+    f"a run with {names_with('has_pixel_fields', quote=chr(34))} as method or in `compare`, "
+    "with fields = true in [output]"
+)
 #: Fields that can be exported.
 FIELDS = ("gap", "contact_pressure", "fluid_pressure")
 #: Rectangle of a surface: first and last x1, first and last x2 [m].
@@ -49,10 +53,13 @@ class _PixelField(NamedTuple):
 
 def _fields_in_memory(run: Results) -> list[tuple[Field, Any]]:
     """Return the declaration and the values (step, x1, x2) of each pixel field of a study in memory, if any."""
-    study = run.two_scale or run.deterministic
-    if study is None:
+    studies = [study for study in STUDIES.values() if study.has_pixel_fields]
+    results = [run.studies[study.key] for study in studies if study.key in run.studies]
+    if not results:
         return []
-    return [(field, values) for field, values in fields_of(study) if field.dimensions == PIXEL]
+    return [
+        (field, values) for field, values in fields_of(results[-1]) if field.dimensions == PIXEL
+    ]
 
 
 # --- images of all fields ---------------------------------------------------------------------------------------
@@ -117,7 +124,7 @@ def write_fields(run: Results, steps: Indices, folder: Path) -> list[Path]:
 def read_pixels(run: Results, name: str, step: int, cell: Shape | None = None) -> xarray.DataArray:
     """Return a pixel field at one load step, from memory or from the folder of the results.
 
-    The field is taken from the two-scale study or, in a run without a two-scale study, from the deterministic study.
+    If several studies have solved the surface, the field is taken from the last one.
 
     Parameters
     ----------

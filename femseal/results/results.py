@@ -28,7 +28,7 @@ from ..base.leak_units import LeakUnit, leak_unit
 from ..base.text import display_package
 from ..budget import ErrorBudget
 from ..loads import LoadProgramme
-from ..studies import FaceResult, Scene, StochasticResult, StudyResult
+from ..studies import FaceResult, Scene, StochasticResult, Study, StudyResult
 from . import best_leakage, load_steps
 from .leakage_classes import tightest_classes
 from .run_pictures import RunPictures
@@ -79,9 +79,14 @@ class Results(Plotted):
     # --- leakage --------------------------------------------------------------------------------------------------
 
     @property
+    def best_study(self) -> Study:
+        """Study that computed `leakage`."""
+        return best_leakage.best_study(self.dataset)
+
+    @property
     def method(self) -> str:
-        """Name of the method that computed `leakage`, one of "median", "two-scale", "blocks" and "deterministic"."""
-        return best_leakage.best_method(self.dataset)
+        """Name of the method that computed `leakage`, such as "two-scale", or "median" (of realisations)."""
+        return self.best_study.label
 
     @property
     def leakage(self) -> xarray.DataArray:
@@ -139,7 +144,7 @@ class Results(Plotted):
 
     @property
     def budgets(self) -> dict[str, ErrorBudget]:
-        """Error budgets by the name of their method, such as "deterministic", "two_scale" or "stochastic".
+        """Error budgets by the key of their study, such as "two_scale".
 
         The mapping is empty if the case has output.budget = false.
         """

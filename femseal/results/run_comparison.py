@@ -80,7 +80,8 @@ class RunComparison(Plotted):
         """
         results = self.runs[run]
         data = results.dataset
-        if results.method != "median" or any(name not in data for name in QUANTILES):
+        has_realisations = results.best_study.has_realisations
+        if not has_realisations or any(name not in data for name in QUANTILES):
             return None
         lower, upper = (data[name].values / self._factor(run) for name in QUANTILES)
         return lower, upper

@@ -541,7 +541,7 @@ def equivalent_width(results: Results) -> float:
     # from inlet to outlet, and along the seal; for a ring, the length is its mean circumference
     width, length = results.dataset.attrs["seal_size_m"]
     # without realisations, the seal is a strip as large as the face
-    if results.method != "median":
+    if not results.best_study.has_realisations:
         return float(width)
     kind = results.case.get("seal", {}).get("kind") if results.case else None
     if kind is None and results.scene is not None:

@@ -40,7 +40,7 @@ from ..face.cells import Cut
 from ..fluids import FLUIDS, Fluid, leak_basis
 from ..loads import LoadStep
 from ..scene import FluidState
-from ..studies import FaceResult, Scene, StochasticResult
+from ..studies import Scene, StochasticResult, StudyResult
 from ..studies.cell_states import FaceCells, PatchLeakage
 from ..studies.other_fluid import OtherLeakage, limit_factors
 from ..topography import Patches, Surface
@@ -209,7 +209,7 @@ def add_patches(
 # --- maps of blocks of pixels -----------------------------------------------------------------------------------
 
 
-def add_block_means(data: xarray.Dataset, scene: Scene, study: FaceResult) -> None:
+def add_block_means(data: xarray.Dataset, scene: Scene, study: StudyResult) -> None:
     """Average the pixel fields that a study declares over blocks of pixels, and add the averages to the dataset.
 
     The fields with all pixels would be too large for the dataset.

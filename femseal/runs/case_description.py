@@ -1,11 +1,10 @@
 """Describe a prepared case in lines of text, for `femseal check` and for the report."""
 
 from collections.abc import Iterator
-from math import prod
 
 import numpy as np
 
-from ..base import Shape, as_text, counted, to_text
+from ..base import Shape, as_text, to_text
 from ..case.case import Case
 from ..case.faces import Face, FileFace
 from ..case.seal_tables import FluidTable
@@ -18,9 +17,6 @@ from ..results.load_steps import cycle_text
 from ..results.variables import fluid_text
 from ..seal.layouts import RectangularLayout
 from ..studies import Scene
-from ..studies.blocks import blocks_of
-from ..studies.sampling import describe_map
-from ..studies.study_registry import TABULATED_STATES, uses_tabulated_pressures
 from ..topography import Patches
 
 #: Number of shortest waves that each side of a cell should contain.
@@ -236,54 +232,16 @@ def _slip_lines(scene: Scene) -> Iterator[Line]:
 
 
 def _study_lines(prepared: Prepared) -> Iterator[Line]:
-    """Say how many contact and flow problems each study solves, and how many unknowns they have."""
-    scene = prepared.scene
-    steps = len(scene.steps)
-    pixels = prod(scene.surface.shape)
-    face_problems = f"{steps} contact and {counted(steps, 'flow solution')} of {pixels} unknowns"
-    if "deterministic" in prepared.methods:
-        yield "deterministic", face_problems
-    if prepared.cells is None:
-        return
-    m1, m2 = prepared.cells
-    yield "cells", _cells_text(prepared, prepared.cells)
-    if "two-scale" in prepared.methods:
-        # every cell is solved along both axes
-        cell_problems = counted(2 * steps * m1 * m2, "flow solution")
-        yield "two-scale", f"{face_problems}, {cell_problems} of cells"
-    if "blocks" in prepared.methods:
-        b1, b2 = blocks_of(prepared.cells)
-        n1, n2 = scene.surface.shape
-        blocks = f"{b1} × {b2} blocks of {n1 // b1} × {n2 // b2} points"
-        yield "blocks", f"{blocks}, about {TABULATED_STATES:.0f} states of each"
-    if "stochastic" in prepared.methods:
-        yield from _stochastic_lines(prepared)
-
-
-def _stochastic_lines(prepared: Prepared) -> Iterator[Line]:
-    """Describe the stochastic study: the contact states that it solves, its realisations, and its pressure map."""
-    scene, sampling = prepared.scene, prepared.sampling
-    if sampling is None:
-        return
-    _, tiles = prepared.cut_and_tiles
-    steps = len(scene.steps)
-    states = f"{counted(steps, 'state')} of the face, at its loads"
-    if tiles.in_order:
-        states += "; cells stay in their rows"
-    elif uses_tabulated_pressures(scene, sampling):
-        states = f"about {TABULATED_STATES:.0f} states of the face, at tabulated pressures"
-    yield "stochastic", states
-    length = to_text(tiles.size[1], "m", 3)
-    covered = f"{length} long"
-    if tiles.part < 1:
-        covered = f"{100 * tiles.part:.2g} % of a length of {length}"
-    if sampling.realisations is None:
-        yield "", f"seals of {tiles}, {covered}, as many as the 95 % interval needs"
-    else:
-        yield "", f"{counted(sampling.realisations, 'seal')} of {tiles}, {covered}"
-    uneven_pressure = describe_map(scene, tiles, sampling.pressure_map)
-    if uneven_pressure:
-        yield "pressure map", uneven_pressure
+    """Say how many contact and flow problems each study solves, and how large the cells of the surface are."""
+    cells = prepared.cells
+    without_cells = [study for study in prepared.studies if not study.needs_cells]
+    with_cells = [study for study in prepared.studies if study.needs_cells]
+    for study in without_cells:
+        yield from study.description(prepared.scene, prepared.options(study))
+    if cells is not None:
+        yield "cells", _cells_text(prepared, cells)
+    for study in with_cells:
+        yield from study.description(prepared.scene, prepared.options(study))
 
 
 def _cells_text(prepared: Prepared, cells: Shape) -> str:

@@ -7,9 +7,8 @@ time is given as a range, because the number of iterations is not known beforeha
 
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import prod
-from typing import NamedTuple
 
 import numpy as np
 import psutil
@@ -23,11 +22,12 @@ from ..contact.workspace import KEPT_POINTS
 from ..flow.solvers.choice import elimination_memory
 from ..preparation.memory import START_MEMORY
 from ..preparation.preparation import Prepared
-from ..refinement.refine_to_accuracy import TIME_LIMIT, first_settings, first_version, grid_points
-from ..studies import drop_ratio
+from ..refinement.refine_to_accuracy import TIME_LIMIT
+from ..refinement.settings import first_settings, first_version, grid_points
+from ..studies import StudyCost, drop_ratio
 from ..studies.face_study import RESULT_BYTES, STATE_BYTES, states_memory
-from ..studies.sampling import FEWEST_SEALS, MOST_SEALS
-from ..studies.study_registry import TABULATED_STATES, uses_tabulated_pressures, usual_realisations
+from ..studies.sampling import FEWEST_SEALS, MOST_SEALS, usual_realisations
+from ..studies.study_list import names_with
 from .case_description import Line, describe_case
 
 #: Time of starting a run, which includes loading compiled loops and reading or generating a face [s].
@@ -185,12 +185,13 @@ def _memory_line(expected: Forecast) -> str:
 
 def _count_face_states(prepared: Prepared) -> int:
     """Estimate the number of contact states to be solved for the whole surface."""
-    sampling = prepared.sampling
-    if sampling is None or _keeps_states(prepared):
+    if _stores_states(prepared):
         return len(prepared.scene.steps)
-    if uses_tabulated_pressures(prepared.scene, sampling):
-        return round(TABULATED_STATES)
-    return len(prepared.scene.steps)
+    counts = [
+        study.state_count(prepared.scene, prepared.options(study))
+        for study in prepared.solved_studies
+    ]
+    return max(counts)
 
 
 def forecast(
@@ -215,9 +216,8 @@ def forecast(
         test_fluid = case.output.test_fluid
         if test_fluid is not None and drop_ratio(test_fluid.state, prepared.scene) is None:
             # the seals of the answer are solved again with the test fluid
-            methods = frozenset({prepared.answer.name})
             scene = test_fluid.state.in_scene(prepared.scene)
-            inputs.append(replace(prepared, methods=methods, scene=scene))
+            inputs.append(prepared.only_answer.replaced(scene=scene))
         # if the number of realisations is chosen during the run, it lies between these two numbers
         fewest_costs = _study_costs(inputs, FEWEST_SEALS)
         most_costs = _study_costs(inputs, MOST_SEALS)
@@ -229,8 +229,8 @@ def forecast(
         # for large surfaces, the working arrays are freed before the pictures take their part of `START_MEMORY`
         memory -= _PICTURES_MEMORY
     most_memory = memory
-    if prepared.methods != {"blocks"}:
-        # all other methods solve the flow through the whole surface, which may require elimination
+    if any(study.solves_whole_surface for study in prepared.studies):
+        # the flow through the whole surface may require elimination
         most_memory += elimination_memory(pixels)
     serial_seconds = _START_SECONDS
     if case.output.pictures or case.output.report:
@@ -244,14 +244,7 @@ def forecast(
     )
 
 
-class _Cost(NamedTuple):
-    """Expected time on one core [s] and expected memory [byte] of a study."""
-
-    seconds: float
-    memory: float
-
-
-def _study_costs(inputs: list[Prepared], realisations: int) -> list[_Cost]:
+def _study_costs(inputs: list[Prepared], realisations: int) -> list[StudyCost]:
     """Estimate the costs of every study of several inputs.
 
     realisations : number of realisations to assume where an input does not give it.
@@ -260,7 +253,7 @@ def _study_costs(inputs: list[Prepared], realisations: int) -> list[_Cost]:
     for prepared in inputs:
         if prepared.sampling is not None and prepared.sampling.realisations is None:
             prepared = prepared.with_realisations(realisations)
-        costs += [_Cost(*prepared.cost(study)) for study in prepared.solved_studies]
+        costs += [prepared.cost(study) for study in prepared.solved_studies]
     return costs
 
 
@@ -281,7 +274,8 @@ def refuse_too_large(case: Case, original: Prepared) -> None:
         return
     points = as_text(prepared.scene.surface.shape)
     given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
-    advice = "fewer surface.points or load steps, or the method blocks, which solves a block of a face at a time"
+    method = names_with("solves_whole_surface", False)
+    advice = f"fewer surface.points or load steps, or the method {method}, which solves a part of a face at a time"
     if limit <= START_MEMORY:
         advice = f"more than the {START_MEMORY / 1e9:g} GB that any run takes before its work"
     needed_gb = np.ceil(needed / 1e8) / 10  # rounded up to 0.1 GB
@@ -339,15 +333,14 @@ def disk_space(
     pixels = prod(scene.surface.shape)
     step_size = _FIELDS_BYTES * pixels
     stored_steps = 0
-    # stochastic seals and blocks have no fields over all pixels
-    has_fields = not {"deterministic", "two-scale"}.isdisjoint(prepared.methods)
+    has_fields = any(study.has_pixel_fields for study in prepared.studies)
     if case.output.fields and has_fields:
         stored_steps = int(min(case.output.fields_limit // step_size, steps))
     checkpoint = sum(_store_size(version) for version in (prepared, *budget_versions))
     with storing(None, case.memory):
         # contact states that are stored on disk take no memory
         states_are_on_disk = states_memory(pixels, steps) == 0
-    if states_are_on_disk and _keeps_states(prepared):
+    if states_are_on_disk and _stores_states(prepared):
         checkpoint += RESULT_BYTES * pixels * steps
     return DiskSpace(
         fields=step_size * stored_steps,
@@ -392,16 +385,12 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     return [version for version in versions_of_budget(request) if isinstance(version, Prepared)]
 
 
-def _keeps_states(prepared: Prepared) -> bool:
-    """Return whether a study stores the whole-surface contact states of all load steps until it ends.
-
-    They are not stored if the run consists of a single stochastic study with cells at random: such a study only needs
-    the cell permeabilities.
-    """
-    if prepared.methods != {"stochastic"}:
-        return True
-    _, tiles = prepared.cut_and_tiles
-    return tiles.in_order
+def _stores_states(prepared: Prepared) -> bool:
+    """Return whether a study stores the whole-surface contact states of all load steps until it ends."""
+    return any(
+        study.stores_states(prepared.scene, prepared.options(study))
+        for study in prepared.solved_studies
+    )
 
 
 def _store_size(prepared: Prepared) -> float:
@@ -413,13 +402,11 @@ def _store_size(prepared: Prepared) -> float:
     # For each load from which the seal is unloaded, the plastic deformation is stored in double precision, because the
     # unloading begins with this deformation.
     plastic_deformation = 8.0 * pixels  # [byte]
-    size = 0.0
-    if "stochastic" in prepared.methods:
-        _, tiles = prepared.cut_and_tiles
-        if not tiles.in_order:
-            # contact states at tabulated pressures, of which at least one plastic deformation is stored
-            size += plastic_deformation * max(peaks, 1)
-    if _keeps_states(prepared):
+    size = sum(
+        study.other_stored_bytes(scene, prepared.options(study))
+        for study in prepared.solved_studies
+    )
+    if _stores_states(prepared):
         size += STATE_BYTES * pixels * steps + plastic_deformation * peaks
     return size
 

@@ -50,21 +50,15 @@ from ..execution.run import (
     reporting_compilation,
 )
 from ..preparation.preparation import Prepared, prepare
-from ..refinement.refine_to_accuracy import (
-    RefinedAnswer,
-    first_settings,
-    first_version,
-    last_version,
-    refine_to_accuracy,
-)
+from ..refinement.refine_to_accuracy import RefinedAnswer, refine_to_accuracy
+from ..refinement.settings import first_settings, first_version, last_version
 from ..report import write_again, write_folder
 from ..results import Results, RunFacts, assemble, open_results
 from ..results.dataset_file import FILE_NAME
 from ..store.digests import is_known
 from ..store.store import Store
-from ..studies import FluidState, OtherLeakage, StochasticResult, drop_ratio
+from ..studies import FluidState, OtherLeakage, drop_ratio
 from ..studies.compiling import compile_ahead
-from ..studies.study_registry import mean_gap_of
 from .case_description import describe_case, solids_text
 from .forecast import refuse_too_large
 
@@ -275,7 +269,7 @@ def _results(case: Case, original: Prepared, faces: dict[str, str], run: Run) ->
         state = case.output.test_fluid.state
         test = _solve_test_fluid(state, prepared, answer, run)
         tested_scene = state.in_scene(prepared.scene)
-        texts = flow_warnings(tested_scene, test.leakage, mean_gap_of(answer))
+        texts = flow_warnings(tested_scene, test.leakage, answer.surface_gap)
         warnings += tuple(f"Test fluid: {text}" for text in texts)
     budgets: dict[str, ErrorBudget] = {}
     # the budget comes last, so that it can be switched on or off before a run is resumed
@@ -328,9 +322,9 @@ def _solve_other_studies(prepared: Prepared, studies: dict[str, Any], run: Run) 
         if study.key not in studies:
             with run.timed(study.name) as mapper:
                 studies[study.key] = prepared.solve(study, mapper)
-    if {"deterministic", "two-scale"} <= prepared.methods:
-        # the two-scale study also solves the whole surface
-        studies["deterministic"] = studies["two_scale"].without_cells
+    for study in prepared.studies:
+        if study.contained in prepared.studies:
+            studies[study.contained.key] = study.contained_result(studies[study.key])
 
 
 def _solve_test_fluid(state: FluidState, prepared: Prepared, answer: Any, run: Run) -> OtherLeakage:
@@ -345,8 +339,8 @@ def _solve_test_fluid(state: FluidState, prepared: Prepared, answer: Any, run: R
     if ratio is not None:
         return OtherLeakage.of_study(state, answer, ratio)
     same_seals = prepared
-    if isinstance(answer, StochasticResult):
-        same_seals = prepared.with_realisations(len(answer.leakage))
+    if answer.realisation_count is not None:
+        same_seals = prepared.with_realisations(answer.realisation_count)
     tested = replace(same_seals, scene=state.in_scene(prepared.scene))
     with run.timed("test fluid") as mapper:
         return OtherLeakage.of_study(state, tested.solve(tested.answer, mapper))

@@ -3,8 +3,8 @@
 `deterministic` solves contact and flow on all pixels of the surface. `two_scale` also solves the flow through each cell
 of the surface. `by_blocks` solves a surface that is too large for the memory of the machine block by block.
 `stochastic` solves seals of any size and shape, whose tiles take random cells of the surface. All studies take a
-`Scene`. The dictionary `STUDIES` describes each study: how a run solves the study, forecasts its cost and compares its
-result.
+`Scene`. The dictionary `STUDIES` describes each study to a run: how it is solved, what it costs and what its result
+contains.
 
     face_study          deterministic and two-scale study
     cell_states         cells of a surface at tabulated pressures, and leakage of its measured patches
@@ -14,7 +14,9 @@ result.
     cell_supply         permeabilities of the cells at the pressure of each tile
     stochastic_study    realisations of a seal, whose tiles take random cells
     patch_interval      95 % interval of a leakage that was computed from one measured patch
-    study_registry      all studies by name, with their expected cost
+    study_type          what a run must know of a study, and what every result contains
+    study_list          all studies by name; each is described in a file of its own, such as blocks_type
+    cost_model          expected time of contact and flow
 """
 
 from typing import TYPE_CHECKING
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     from .sampling import Sampling, cut_and_cover
     from .stochastic_result import StochasticResult
     from .stochastic_study import cut_and_tiles, stochastic
-    from .study_registry import STUDIES, Study, StudyOptions, StudyResult, study_of_result
+    from .study_list import STUDIES, studies_named, study_of_result
+    from .study_type import Study, StudyCost, StudyOptions, StudyResult
 else:
     __getattr__, __dir__ = lazy(__name__)

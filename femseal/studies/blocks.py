@@ -39,7 +39,7 @@ from .cell_states import (
 )
 from .cells_in_order import flow_in_order
 from .contact_points import ContactPoints, solve_steps
-from .patch_state import PatchState
+from .patch_state import PatchState, open_leakage_of_state
 from .rough_layer import RoughLayer
 from .sampling import TileFluid
 from .seal_contact import opening_permeability
@@ -104,6 +104,26 @@ class BlocksResult(Shown):
     method: ClassVar[str] = "blocks"
     kind: ClassVar[str] = "by blocks"
     patches: ClassVar[None] = None
+    realisation_count: ClassVar[None] = None
+    takes_random_cells: ClassVar[bool] = False
+
+    @property
+    def predicted_leakage(self) -> Array:
+        """Leakage per unit seal length (steps,) [m²/s]."""
+        return self.leakage
+
+    @property
+    def surface_gap(self) -> Array:
+        """Mean gap of the whole surface (steps,) [m]."""
+        return self.mean_gap.mean(axis=(1, 2))
+
+    def contact_fraction_at(self, steps: LoadProgramme) -> Array:
+        """Return NaN at every load step (steps,), because the pixels of the whole surface are not known together."""
+        return np.full(len(steps), np.nan)
+
+    def open_leakage(self, scene: Scene) -> Array:
+        """Return the leakage of a uniform gap that is equal to the mean gap (steps,) [m²/s]."""
+        return open_leakage_of_state(self.patch_state, len(self.steps))
 
     @property
     def solvers(self) -> SolveCounts:

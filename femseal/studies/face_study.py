@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -218,6 +218,11 @@ class FaceResult(Shown):
     face_solvers: SolveCounts = field(default_factory=SolveCounts)
     quick_estimate: QuickEstimate | None = field(default=None, repr=False)
 
+    kind: ClassVar[str] = ""
+    patch_state: ClassVar[None] = None
+    realisation_count: ClassVar[None] = None
+    takes_random_cells: ClassVar[bool] = False
+
     @property
     def solvers(self) -> SolveCounts:
         """Number of linear systems that each solver solved, for the surface and its cells."""
@@ -227,6 +232,24 @@ class FaceResult(Shown):
     def method(self) -> str:
         """Name of the study, "two-scale" for a result with cells and "deterministic" for a result without cells."""
         return "deterministic" if self.cells is None else "two-scale"
+
+    @property
+    def predicted_leakage(self) -> Array:
+        """Leakage per unit seal length (steps,) [m²/s]."""
+        return self.leakage
+
+    @property
+    def surface_gap(self) -> Array:
+        """Mean gap of the surface (steps,) [m]."""
+        return self.mean_gap
+
+    def contact_fraction_at(self, steps: LoadProgramme) -> Array:
+        """Return the fraction of the surface in contact (steps,), at all load steps of the result."""
+        return np.asarray(self.contact_fraction, float)
+
+    def open_leakage(self, scene: Scene) -> Array:
+        """Return the leakage of a uniform gap that is equal to the mean gap (steps,) [m²/s]."""
+        return scene.unit_leakage * np.asarray(self.mean_gap, float) ** 3 / 12
 
     @property
     def without_cells(self) -> FaceResult:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..base import Array
 from ..scene import FluidState, Scene
+from .study_type import StudyResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +31,12 @@ class OtherLeakage:
     realisations: Array | None = None
 
     @classmethod
-    def of_study(cls, state: FluidState, study: Any, ratio: float = 1.0) -> OtherLeakage:
+    def of_study(cls, state: FluidState, study: StudyResult, ratio: float = 1.0) -> OtherLeakage:
         """Multiply the leakages of a study by the ratio of the leakages of the two fluids."""
-        if hasattr(study, "quantile"):
-            return cls(state, ratio * study.quantile(0.5), ratio * study.leakage)
-        return cls(state, ratio * study.leakage)
+        leakage = ratio * study.predicted_leakage
+        if study.realisation_count is None:
+            return cls(state, leakage)
+        return cls(state, leakage, ratio * study.leakage)
 
 
 def drop_ratio(state: FluidState, scene: Scene) -> float | None:

@@ -92,6 +92,13 @@ def open_leakage_per_permeability(scene: Scene, seal: Any) -> float:
     return attempt(scene.leakage, seal, _OPEN_PERMEABILITY).per_length / _OPEN_PERMEABILITY
 
 
+def open_leakage_of_state(state: PatchState | None, step_count: int) -> Array:
+    """Return the leakage of a uniform gap that is equal to the mean gap (steps,) [m²/s]; NaN if there is no state."""
+    if state is None:
+        return np.full(step_count, np.nan)
+    return np.asarray(state.open_leakage, float)
+
+
 def _interpolate_on_loading(steps: LoadProgramme, values: Array, pressures: Array) -> Array:
     """Interpolate a quantity between the contact states on loading, linearly in the cube root of the pressure.
 

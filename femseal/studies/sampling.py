@@ -136,6 +136,24 @@ def cut_and_cover(
     return cut_and_lay_out(in_order=False)
 
 
+def usual_realisations(cells: Shape, tiles: SealTiles) -> int:
+    """Return the number of realisations with which the median leakage is usually accurate enough.
+
+    The leakage of a seal scatters less if the seal is larger compared with the surface. A large seal therefore needs
+    fewer realisations than a small seal.
+
+    cells : numbers of cells of the surface along x1 and x2.
+    """
+    area_ratio = tiles.count / (cells[0] * cells[1])  # of the seal to the surface
+    count = MOST_SEALS / max(area_ratio, 1.0)
+    return round(min(max(count, FEWEST_SEALS), MOST_SEALS))
+
+
+def uses_tabulated_pressures(scene: Scene, sampling: Sampling) -> bool:
+    """Return whether a seal with cells at random needs permeabilities at tabulated pressures."""
+    return scene.acting_fluid is not None or not sampling.presses_evenly
+
+
 def seal_for_maps(layout: Layout, tiles: SealTiles) -> PressedSeal:
     """Return the outlines of a seal in the coordinates in which pressure maps are given."""
     return PressedSeal(layout.frame(tiles.size), tiles.outlines[tiles.unrepeated_elements])

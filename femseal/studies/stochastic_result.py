@@ -24,10 +24,11 @@ from ..base.fields import (
 from ..checks import QuickEstimate
 from ..face.cell_flow import SolveCounts
 from ..loads import FLOOR, LoadProgramme
+from ..scene import Scene
 from ..seal.mesh_seal import ElementSeal
 from ..seal.tiles import SealTiles
 from .cell_states import FaceCells, PatchLeakage
-from .patch_state import PatchState
+from .patch_state import PatchState, open_leakage_of_state
 
 
 @dataclass(frozen=True, repr=False)
@@ -215,6 +216,35 @@ class StochasticResult(Shown):
             "sealed [%]",
         ),
     }
+
+    @property
+    def predicted_leakage(self) -> Array:
+        """Median leakage of the realisations (steps,) [m²/s]."""
+        return self.quantile(0.5)
+
+    @property
+    def realisation_count(self) -> int:
+        """Number of realisations."""
+        return len(self.leakage)
+
+    @property
+    def takes_random_cells(self) -> bool:
+        """Whether the tiles of the seal take cells from anywhere on the surface."""
+        return not self.tiles.in_order
+
+    @property
+    def surface_gap(self) -> Array:
+        """Mean gap of all tiles (steps,) [m]; NaN for a result that was not computed by `stochastic`."""
+        return np.full(len(self.steps), np.nan) if self.mean_gap is None else self.mean_gap
+
+    def contact_fraction_at(self, steps: LoadProgramme) -> Array:
+        """Return the fraction of the tiles in contact (steps,), at any load steps of the result."""
+        indices = [self.steps.index(step) for step in steps]
+        return self.contact_fraction[indices]
+
+    def open_leakage(self, scene: Scene) -> Array:
+        """Return the leakage of a uniform gap that is equal to the mean gap (steps,) [m²/s]."""
+        return open_leakage_of_state(self.patch_state, len(self.steps))
 
     @property
     def seal(self) -> ElementSeal:

@@ -33,7 +33,6 @@ from femseal.loads import first_known
 from femseal.seal import AnnularLayout, MeshLayout
 from femseal.studies import patch_interval
 from femseal.studies.patch_state import PatchState
-from femseal.studies.study_registry import open_leakage_of
 from femseal.topography import Patches
 from interval_tables import by_half_decade, by_surface, of_patches
 
@@ -155,7 +154,7 @@ def state_rows(same, scene, study, budget, truth):
     """
     q, steps = budget.leakage, scene.steps
     unknown = np.full(len(steps), np.nan)
-    still_open = open_leakage_of(study, scene)
+    still_open = study.open_leakage(scene)
     state = getattr(study, "patch_state", None) or PatchState(*[unknown] * 3, still_open)
     known = np.isfinite(q) & np.isfinite(truth) & (still_open > 0)
     columns = {"load": steps.pressures / max(steps.pressures)}

@@ -19,7 +19,6 @@ from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
 from femseal.runs.forecast import describe, forecast
 from femseal.studies.patch_interval import interval_widths
-from femseal.studies.study_registry import open_leakage_of
 from femseal.topography import Patches
 
 Q = np.array([4.0, 1.0, 0.0])
@@ -132,7 +131,7 @@ def test_states_that_leak_far_less_than_their_mean_gap_have_wider_intervals(scen
     """What counts is the leakage of the state over that of an open seal, not that of another load."""
     study = fs.deterministic(replace(scene, surface=scene.surface.resample((16, 16))))
     share = np.array([1.0, 0.5, 0.2, 0.9e-2, 0.8e-2, 1.1e-2, 0.1])
-    q = share * open_leakage_of(study, scene)
+    q = share * study.open_leakage(scene)
     half = CoarserSolution((32, 32), 1.1 * q)
     widths = fs.error_budget(scene, replace(study, leakage=q), coarse=[half]).widths()["pixels"]
     part = pixels_part(scene, q, half, in_contact=study.contact_fraction)

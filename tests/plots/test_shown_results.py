@@ -29,8 +29,8 @@ from femseal.plots.leakage_panels import (
 )
 from femseal.plots.map_panels import clip_to_decades
 from femseal.plots.pressure_lines import surface_leakage
-from femseal.results.best_leakage import METHODS
 from femseal.results.load_steps import LoadFormat
+from femseal.studies import STUDIES, Study
 
 MODULUS, HARDNESS = 115e9, 1.4e9
 
@@ -285,7 +285,11 @@ CELLS = (
 
 def test_the_leakage_of_the_surface_is_that_of_any_registered_study(monkeypatch):
     """The method that solves the surface comes before the median of the realisations."""
-    monkeypatch.setitem(METHODS, "dry", "leakage_dry")
+
+    class DryStudy(Study):
+        name = "dry"
+
+    monkeypatch.setitem(STUDIES, "dry", DryStudy())
     data = xarray.Dataset({"leakage_median": ("step", [1.0]), "leakage_dry": ("step", [2.0])})
     assert surface_leakage(data).tolist() == [2]
     assert surface_leakage(data.drop_vars("leakage_dry")).tolist() == [1]

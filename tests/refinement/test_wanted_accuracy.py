@@ -13,7 +13,7 @@ import femseal as fs
 from femseal.budget import ErrorBudget, ErrorPart, counting_steps, widest_interval
 from femseal.case import parse_case
 from femseal.preparation import prepare
-from femseal.refinement.refine_to_accuracy import (
+from femseal.refinement.settings import (
     finer_settings,
     first_settings,
     first_version,

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import tomllib
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -122,7 +122,7 @@ def test_only_a_complete_folder_is_resumed(case, undrawn, tmp_path, monkeypatch)
     done = fs.run(case, out, resume=True, workers=1)
     assert done.folder == out
     assert (out / "leakage.png").exists()
-    monkeypatch.setitem(STUDIES, "deterministic", replace(STUDIES["deterministic"], solve=fail))
+    monkeypatch.setattr(STUDIES["deterministic"], "solve", fail)
     assert_array_equal(fs.run(case, out, resume=True, workers=1).leakage, done.leakage)
     case.write_text(case.read_text().replace("seed = 2", "seed = 3"))
     with pytest.raises(fs.InputError, match="holds the results of another case"):
