@@ -41,6 +41,7 @@ from ..execution.run import Progress, Run, no_progress, ordered_map
 from ..preparation.preparation import Prepared, prepare
 from ..runs import job
 from ..runs.forecast import forecast, refuse_too_large
+from ..runs.identity import face_files, user_code
 from ..store.store import Store
 from ..studies.compiling import compile_ahead
 from ..topography import resolved_wave
@@ -164,9 +165,9 @@ def calibrate(
         "ranges": ranges.tolist(),
         "steps": steps.tolist(),
         "unit": test.unit.name,
-        "content of face files": job.face_files(tested_case),
+        "content of face files": face_files(tested_case),
         "version": numerical_versions(),
-    } | job.user_code(tested_case)
+    } | user_code(tested_case)
     # A case has no digest. The key of a stored simulation therefore contains all data on which its leakage depends.
     key = ("scenes", json.dumps(identity, default=str))
     solve_scene = partial(_solve_scene, tested_case, test.unit, steps)

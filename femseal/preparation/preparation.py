@@ -188,9 +188,12 @@ class Prepared:
 
     def options(self, study: Study) -> StudyOptions:
         """Return the options with which a study is solved in this run."""
-        studies = self.solved_studies
-        earlier = studies[: studies.index(study)]
-        surface_is_solved = any(other.solves_whole_surface for other in earlier)
+        earlier_studies = self.studies[: self.studies.index(study)]
+        surface_is_solved = any(
+            earlier.solves_whole_surface
+            for earlier in earlier_studies
+            if earlier in self.solved_studies
+        )
         return StudyOptions(self.cells, self.sampling, surface_is_solved)
 
     def with_realisations(self, count: int) -> Prepared:

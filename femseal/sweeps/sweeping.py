@@ -34,6 +34,7 @@ from ..preparation.preparation import prepare
 from ..results.results import Results
 from ..results.run_comparison import RunComparison, compared
 from ..runs import job
+from ..runs.finished_run import refuse_finished
 from ..runs.forecast import refuse_too_large
 
 log = logging.getLogger("femseal.sweeps")
@@ -201,7 +202,7 @@ def _check_before_run(
     if not resume:
         refuse_unfinished(folder / variation.name)
     if not replace_results:
-        job.refuse_finished(folder / variation.name, variation.case if resume else None)
+        refuse_finished(folder / variation.name, variation.case if resume else None)
 
 
 # --- the cases --------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from femseal.contact import PerfectlyPlastic
 from femseal.fluids import FLUIDS
 from femseal.preparation import prepare
 from femseal.runs.forecast import describe
-from femseal.runs.job import face_files
+from femseal.runs.identity import face_files
 from femseal.seal.tiles import CellSize
 from femseal.studies import Sampling
 from femseal.topography import repair

@@ -13,7 +13,7 @@ import femseal as fs
 from femseal.base import quantities
 from femseal.case import parse_case
 from femseal.preparation import prepare
-from femseal.runs.job import face_files
+from femseal.runs.identity import face_files
 from femseal.seal import AngleTable, Frame, MapsAtLoads, Profile, Uniform
 from femseal.studies.sampling import pressure_fractions, seal_for_maps
 

@@ -307,7 +307,7 @@ def test_a_changed_case_file_or_version_is_refused_by_name(case, tmp_path, monke
     case.write_text(text)
     with monkeypatch.context() as patch:
         other = numerical_versions() | {"numpy": "9.9"}
-        patch.setattr("femseal.runs.job.numerical_versions", lambda: other)
+        patch.setattr("femseal.runs.identity.numerical_versions", lambda: other)
         assert refusal() == [f"version.numpy: was {np.__version__}, is 9.9"]
     measured(case, 1.01)
     (line,) = refusal()

@@ -18,7 +18,7 @@ from femseal.execution import cluster as cluster_map
 from femseal.fluids import FLUIDS
 from femseal.preparation import prepare
 from femseal.runs.forecast import disk_space
-from femseal.runs.job import user_code
+from femseal.runs.identity import user_code
 from femseal.studies import STUDIES
 
 CASE = f"""

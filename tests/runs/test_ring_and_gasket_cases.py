@@ -131,7 +131,7 @@ def test_a_strip_is_as_long_as_the_face():
 
 def test_another_mesh_is_another_run(tmp_path):
     """The content of the mesh is part of what a run goes on from."""
-    from femseal.runs.job import face_files
+    from femseal.runs.identity import face_files
 
     data = reduced("gasket_seal") | {"seal": reduced("gasket_seal")["seal"] | {"path": "seal.msh"}}
     (tmp_path / "seal.msh").write_text("one")
