@@ -41,8 +41,9 @@ from ..fluids import FLUIDS, Fluid, leak_basis
 from ..loads import LoadStep
 from ..scene import FluidState
 from ..studies import Scene, StochasticResult, StudyResult
-from ..studies.cell_states import FaceCells, PatchLeakage
+from ..studies.cell_states import FaceCells
 from ..studies.other_fluid import OtherLeakage, limit_factors
+from ..studies.patch_leakage import PatchLeakage
 from ..topography import Patches, Surface
 from .best_leakage import basis_attributes
 from .load_steps import pressures_and_peaks

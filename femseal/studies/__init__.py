@@ -7,7 +7,9 @@ of the surface. `by_blocks` solves a surface that is too large for the memory of
 contains.
 
     face_study          deterministic and two-scale study
-    cell_states         cells of a surface at tabulated pressures, and leakage of its measured patches
+    cell_states         cells of a surface in several contact states
+    tabulated_pressures pressures at which the contact of cells is tabulated, and interpolation between them
+    patch_leakage       leakage of each measured patch
     blocks              study of a large surface, block by block
     sampling            options of the stochastic study, and pressure of the tiles under a pressure map
     seal_contact        pressure of the tiles of a seal that has a form, from rough_layer and contact_points

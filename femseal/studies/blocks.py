@@ -32,17 +32,14 @@ from ..loads import LoadProgramme
 from ..scene import Scene
 from ..seal.tiles import face_tiles
 from ..topography import Patches, Topography
-from .cell_states import (
-    choose_tabulated_pressures,
-    interpolate_along_paths,
-    solve_cells_at_pressures,
-)
+from .cell_states import solve_cells_at_pressures
 from .cells_in_order import flow_in_order
 from .contact_points import ContactPoints, solve_steps
 from .patch_state import PatchState, open_leakage_of_state
 from .rough_layer import RoughLayer
 from .sampling import TileFluid
 from .seal_contact import opening_permeability
+from .tabulated_pressures import choose_tabulated_pressures, interpolate_along_paths
 
 #: Cells of a block along each axis. Measured on 10 surfaces of 2 × 2 blocks: with 4 cells, the quartiles of the ratio
 #: (computed leakage)/(leakage of the whole surface) are 0.90 and 1.43. With 2 cells, the quartiles are 0.79 and 1.33,

@@ -22,7 +22,8 @@ from ..loads import LoadProgramme
 from ..scene import Scene
 from ..scene.fluid_coupling import CoupledContact
 from ..topography import Patches
-from .cell_states import FaceCells, PatchLeakage, join_states, permeabilities_of_patches
+from .cell_states import FaceCells, join_states
+from .patch_leakage import PatchLeakage, permeabilities_of_patches
 
 #: Memory of a pixel of a stored state [byte]: gap, contact pressure and potential in single precision, and one bit that
 #: says whether the contact pressure is at the hardness.

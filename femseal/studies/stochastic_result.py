@@ -27,7 +27,8 @@ from ..loads import FLOOR, LoadProgramme
 from ..scene import Scene
 from ..seal.mesh_seal import ElementSeal
 from ..seal.tiles import SealTiles
-from .cell_states import FaceCells, PatchLeakage
+from .cell_states import FaceCells
+from .patch_leakage import PatchLeakage
 from .patch_state import PatchState, open_leakage_of_state
 
 

@@ -22,10 +22,10 @@ from ..face.cell_flow import Failed, SolveCounts
 from ..face.cells import MOST_FACTOR, MOST_RATIO, Cut
 from ..scene import Scene
 from ..seal.tiles import SealTiles
-from .cell_states import PatchLeakage
 from .cell_supply import CellSupply, mean_relief, supply_cells
 from .face_study import fields_of_rows
 from .patch_interval import interval_widths
+from .patch_leakage import PatchLeakage
 from .patch_state import PatchState, open_leakage_per_permeability
 from .sampling import (
     FEWEST_SEALS,

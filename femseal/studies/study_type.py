@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from ..loads import LoadProgramme
     from ..scene import Scene
     from ..topography import Topography
-    from .cell_states import PatchLeakage
+    from .patch_leakage import PatchLeakage
     from .patch_state import PatchState
     from .sampling import Sampling
 

@@ -14,12 +14,9 @@ from femseal.face.cells import CellState, Cut
 from femseal.face.curves import local_peaks
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal.tiles import face_tiles
-from femseal.studies import cell_states, deterministic, two_scale
-from femseal.studies.cell_states import (
-    choose_tabulated_pressures,
-    interpolate_along_paths,
-    solve_cells_at_pressures,
-)
+from femseal.studies import deterministic, tabulated_pressures, two_scale
+from femseal.studies.cell_states import solve_cells_at_pressures
+from femseal.studies.tabulated_pressures import choose_tabulated_pressures, interpolate_along_paths
 from femseal.topography import Patches, self_affine
 
 SIDE = 48e-6
@@ -89,13 +86,13 @@ def test_a_ladder_covers_all_paths(seed, elastic):
     assert loading[-1] == pytest.approx(highest, rel=1e-3)
     assert loading[0] == pytest.approx(lowest, rel=1e-3, abs=1.0)
     roots = np.cbrt(loading / highest)
-    assert np.diff(roots).max() <= 1.15 * cell_states._SPACING
+    assert np.diff(roots).max() <= 1.15 * tabulated_pressures._SPACING
     assert np.diff(loading).min() > 5e-4 * loading[1:][np.diff(loading).argmin()]
     if elastic:
         assert not ladder.unload_from
         return
     peaks = local_peaks(paths, steps)[~steps.on_loading]
-    assert len(ladder.unload_from) <= cell_states._MOST_PEAKS
+    assert len(ladder.unload_from) <= tabulated_pressures._MOST_PEAKS
     assert ladder.unload_from[-1] == pytest.approx(peaks.max())
     assert ladder.unload_from[0] == pytest.approx(peaks.min(), rel=0.02)
     deepest = (paths / local_peaks(paths, steps))[~steps.on_loading].min()
