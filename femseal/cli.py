@@ -92,7 +92,8 @@ def check(path: CasePath) -> None:
 
     case = load_case(path)  # before the solvers are imported, so that a fault is shown at once
     from .preparation.preparation import prepare
-    from .runs.forecast import describe, refuse_too_large
+    from .runs.forecast import refuse_too_large
+    from .runs.run_description import describe
 
     def report_begin(stage: str, done: int, total: int | None) -> None:
         """Print the name of a stage when it begins."""

@@ -21,7 +21,7 @@ from ..budget import MODEL_PARTS, BudgetRequest, ErrorBudget, budgets_of, widest
 from ..case.case import Case
 from ..execution.run import Run
 from ..preparation.memory import START_MEMORY
-from ..preparation.preparation import Prepared
+from ..preparation.prepared import Prepared
 from .settings import (
     Settings,
     apply_settings,

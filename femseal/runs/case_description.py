@@ -12,7 +12,7 @@ from ..case.solid_table import CoatingTable, SolidTable
 from ..checks import FormEffect, QuickEstimate, mean_modulus
 from ..materials import METALS
 from ..preparation.drawing_check import drawing_text
-from ..preparation.preparation import Prepared
+from ..preparation.prepared import Prepared
 from ..results.load_steps import cycle_text
 from ..results.variables import fluid_text
 from ..seal.layouts import RectangularLayout

@@ -10,7 +10,7 @@ from uuid import uuid4
 from ..base import InputError, numerical_versions
 from ..case.case import Case
 from ..case.table_types import makers_in
-from ..preparation.preparation import Prepared
+from ..preparation.prepared import Prepared
 from ..refinement.settings import first_settings, first_version
 from ..store.digests import is_known
 

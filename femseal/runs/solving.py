@@ -12,7 +12,7 @@ from ..budget import BudgetRequest, ErrorBudget, budgets_of
 from ..case.case import Case
 from ..checks import FormEffect, flow_warnings
 from ..execution.run import Run
-from ..preparation.preparation import Prepared
+from ..preparation.prepared import Prepared
 from ..refinement.refine_to_accuracy import RefinedAnswer, refine_to_accuracy
 from ..results import Results, RunFacts, assemble
 from ..studies import FluidState, OtherLeakage, StudyResult, drop_ratio

@@ -17,7 +17,8 @@ from femseal.budget.pixel_size import pixels_part
 from femseal.budget.versions import coarser_points
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
-from femseal.runs.forecast import describe, forecast
+from femseal.runs.forecast import forecast
+from femseal.runs.run_description import describe
 from femseal.studies.patch_interval import interval_widths
 from femseal.topography import Patches
 

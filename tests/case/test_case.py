@@ -17,8 +17,8 @@ from femseal.case import Case, case_schema, case_template, parse_case
 from femseal.contact import PerfectlyPlastic
 from femseal.fluids import FLUIDS
 from femseal.preparation import prepare
-from femseal.runs.forecast import describe
 from femseal.runs.identity import face_files
+from femseal.runs.run_description import describe
 from femseal.seal.tiles import CellSize
 from femseal.studies import Sampling
 from femseal.topography import repair

@@ -12,7 +12,7 @@ from femseal.case import parse_case
 from femseal.contact.law import contact_law
 from femseal.preparation.preparation import prepare
 from femseal.runs.case_description import solids_text
-from femseal.runs.forecast import describe
+from femseal.runs.run_description import describe
 
 CASE = {
     "title": "coated",

@@ -14,7 +14,8 @@ from case_fuzz import CaseFuzz, spare_files
 import femseal as fs
 from femseal.preparation import memory as sizes
 from femseal.preparation import prepare
-from femseal.runs.forecast import describe, refuse_too_large
+from femseal.runs.forecast import refuse_too_large
+from femseal.runs.run_description import describe
 
 #: CPU time that checking a case may take [s], and memory that it may ask for [byte].
 LONGEST, MOST = 2.0, 2e9

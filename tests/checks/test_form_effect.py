@@ -16,7 +16,7 @@ from femseal.checks import FormEffect, solve_form_effect
 from femseal.contact import PerfectlyPlastic
 from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
-from femseal.runs.forecast import describe
+from femseal.runs.run_description import describe
 
 N, D = 192, 1e-6
 SIDE = N * D

@@ -19,7 +19,7 @@ from femseal.checks.quick_estimate import ERROR_FACTORS, LIGHT_CONTACT
 from femseal.flow.law import FlowLaw
 from femseal.flow.pressure_drop import PressureDrop
 from femseal.preparation import prepare
-from femseal.runs.forecast import describe
+from femseal.runs.run_description import describe
 
 WAVES = np.geomspace(1e4, 1e6, 40)
 POWERS = 1e-12 * (WAVES / WAVES[0]) ** -1.6

@@ -100,7 +100,7 @@ def loops(*_, **__):
 @pytest.mark.parametrize(
     ("command", "place", "further"),
     [
-        ("check", "runs.forecast.describe", []),
+        ("check", "runs.run_description.describe", []),
         ("run", "runs.job.prepare", ["--workers", 1]),
         ("sweep", "sweeps.sweeping.prepare", ["seed=1", "--workers", 1]),
         ("design", "designs.answer.job.prepare", ["--no-solve", "--workers", 1]),

@@ -20,7 +20,7 @@ from femseal.refinement.settings import (
     last_version,
 )
 from femseal.results.tables import attempt_sentences
-from femseal.runs.forecast import describe
+from femseal.runs.run_description import describe
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

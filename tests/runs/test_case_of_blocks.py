@@ -8,7 +8,7 @@ from small_cases import TABLES
 import femseal as fs
 from femseal.case import load_case
 from femseal.preparation import prepare
-from femseal.runs.forecast import describe
+from femseal.runs.run_description import describe
 from femseal.studies.blocks import usual_blocks
 
 CASE = f"""

@@ -15,7 +15,10 @@ from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.report.page import report_html
 from femseal.runs import forecast as module
-from femseal.runs.forecast import describe, disk_space, forecast
+from femseal.runs import run_description
+from femseal.runs.disk_space import disk_space
+from femseal.runs.forecast import forecast
+from femseal.runs.run_description import describe
 from femseal.studies import STUDIES, StudyOptions
 from femseal.studies.sampling import FEWEST_SEALS, MOST_SEALS
 
@@ -134,7 +137,7 @@ def test_large_states_take_disk_and_no_memory(data):
     ],
 )
 def test_check_describes_what_a_run_does(data, tables, said, monkeypatch):
-    monkeypatch.setattr(module.psutil, "cpu_count", lambda: 4)
+    monkeypatch.setattr(run_description.psutil, "cpu_count", lambda: 4)
     data["face"] |= tables.get("face", {})
     if tables.get("material") == {}:  # elastic faces that just touch
         tables = tables | {"material": {"young": "210 GPa"}, "counter_material": {"young": "7 GPa"}}

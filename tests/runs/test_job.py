@@ -17,7 +17,7 @@ from femseal.case import parse_case
 from femseal.execution import cluster as cluster_map
 from femseal.fluids import FLUIDS
 from femseal.preparation import prepare
-from femseal.runs.forecast import disk_space
+from femseal.runs.disk_space import disk_space
 from femseal.runs.identity import user_code
 from femseal.studies import STUDIES
 

@@ -15,7 +15,7 @@ from femseal.budget.missing_waves import filter_part
 from femseal.budget.versions import continued_versions
 from femseal.case import parse_case
 from femseal.preparation import prepare
-from femseal.runs.forecast import describe
+from femseal.runs.run_description import describe
 from femseal.topography import continuation_of, spectrum
 
 MEASURED = fs.self_affine(
