@@ -63,7 +63,8 @@ if TYPE_CHECKING:
     from .scene import Scene
     from .seal import AnnularSeal, Leakage, MeshSeal, RectangularSeal, seal_leakage
     from .studies.blocks import by_blocks
-    from .studies.face_study import FaceResult, deterministic, two_scale
+    from .studies.face_result import FaceResult
+    from .studies.face_study import deterministic, two_scale
     from .studies.sampling import Sampling
     from .studies.stochastic_result import StochasticResult
     from .studies.stochastic_study import stochastic

@@ -7,7 +7,7 @@ from ..base import to_text
 from ..base.machine import storing
 from ..case.case import Case
 from ..preparation.prepared import Prepared
-from ..studies.face_study import RESULT_BYTES, STATE_BYTES, states_memory
+from ..studies.cost_model import RESULT_BYTES, STATE_BYTES, states_memory
 from ..studies.sampling import usual_realisations
 from .forecast import budget_inputs
 

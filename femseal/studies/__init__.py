@@ -6,7 +6,7 @@ of the surface. `by_blocks` solves a surface that is too large for the memory of
 `Scene`. The dictionary `STUDIES` describes each study to a run: how it is solved, what it costs and what its result
 contains.
 
-    face_study          deterministic and two-scale study
+    face_study          deterministic and two-scale study; their result is in face_result
     cell_states         cells of a surface in several contact states
     tabulated_pressures pressures at which the contact of cells is tabulated, and interpolation between them
     patch_leakage       leakage of each measured patch
@@ -18,7 +18,7 @@ contains.
     patch_interval      95 % interval of a leakage that was computed from one measured patch
     study_type          what a run must know of a study, and what every result contains
     study_list          all studies by name; each is described in a file of its own, such as blocks_type
-    cost_model          expected time of contact and flow
+    cost_model          expected time and memory of contact and flow
 """
 
 from typing import TYPE_CHECKING
@@ -28,7 +28,8 @@ from ..base.lazy_package import lazy
 if TYPE_CHECKING:
     from ..scene import FluidState, Scene
     from .blocks import BlocksResult, by_blocks
-    from .face_study import FaceResult, deterministic, two_scale
+    from .face_result import FaceResult
+    from .face_study import deterministic, two_scale
     from .other_fluid import OtherLeakage, drop_ratio
     from .sampling import Sampling, cut_and_cover
     from .stochastic_result import StochasticResult

@@ -38,8 +38,13 @@ class BlocksStudy(Study):
         The contact of each block is solved twice: for its rough layer and for its cells.
         """
         from .blocks import blocks_of
-        from .cost_model import CONTACT_SECONDS, FLOW_SECONDS, TABULATED_STATES, count_pressures
-        from .face_study import state_memory
+        from .cost_model import (
+            CONTACT_SECONDS,
+            FLOW_SECONDS,
+            TABULATED_STATES,
+            count_pressures,
+            state_memory,
+        )
 
         pixels = scene.surface.heights.size
         b1, b2 = blocks_of(options.cells)

@@ -7,10 +7,20 @@ documented in docs/evidence/forecast.md.
 from __future__ import annotations
 
 from ..base import counted
+from ..base.machine import lies_on_disk
+from ..contact.workspace import KEPT_POINTS
 from ..scene import Scene
-from .face_study import state_memory, states_memory
 from .study_type import StudyCost
 
+#: Memory of a pixel of a stored state [byte]: gap, contact pressure and potential in single precision, and one bit that
+#: says whether the contact pressure is at the hardness.
+STATE_BYTES = 12.125
+#: Memory of a pixel of a result [byte], which also contains the fluid pressure.
+RESULT_BYTES = 16.125
+#: Memory for each pixel while contact and flow of a step are solved [byte], and memory that the contact solver keeps
+#: for its next solution on surfaces of up to `KEPT_POINTS`. The two numbers were measured on surfaces with 512² to
+#: 4096² pixels.
+_SOLUTION_BYTES, _KEPT_BYTES = 130.0, 130.0
 #: Time on one core for each pixel and load step [s]: first for the contact, then for the flow through the gap. The two
 #: times are fitted to the runs of docs/evidence/forecast.md.
 CONTACT_SECONDS, FLOW_SECONDS = 6e-7, 5e-7
@@ -20,6 +30,21 @@ _COUPLED_SOLUTIONS = 2.5
 _RAREFIED_SOLUTIONS = 4.5
 #: Usual number of contact states at tabulated pressures.
 TABULATED_STATES = 25.0
+
+
+def state_memory(pixels: float) -> float:
+    """Estimate the memory [byte] that is needed to solve contact and flow of a single load step.
+
+    The estimate holds for the multigrid solver. If multigrid fails, the flow is solved by elimination, which needs more
+    memory.
+    """
+    return pixels * (_SOLUTION_BYTES + (_KEPT_BYTES if pixels <= KEPT_POINTS else 0.0))
+
+
+def states_memory(pixels: int, steps: int) -> float:
+    """Estimate the memory of a result [byte] from its numbers of pixels and load steps; 0 for a result on disk."""
+    bytes_of_field = 4.0 * pixels * steps
+    return 0.0 if lies_on_disk(bytes_of_field) else RESULT_BYTES * pixels * steps
 
 
 def count_pressures(scene: Scene) -> int:

@@ -10,7 +10,7 @@ from .study_type import Study, StudyCost, StudyOptions
 
 if TYPE_CHECKING:
     from ..scene import Scene
-    from .face_study import FaceResult
+    from .face_result import FaceResult
 
 
 class DeterministicStudy(Study):

@@ -23,7 +23,7 @@ from ..face.cells import MOST_FACTOR, MOST_RATIO, Cut
 from ..scene import Scene
 from ..seal.tiles import SealTiles
 from .cell_supply import CellSupply, mean_relief, supply_cells
-from .face_study import fields_of_rows
+from .face_result import fields_of_rows
 from .patch_interval import interval_widths
 from .patch_leakage import PatchLeakage
 from .patch_state import PatchState, open_leakage_per_permeability

@@ -49,8 +49,14 @@ class StochasticStudy(Study):
 
     def cost(self, scene: Scene, options: StudyOptions) -> StudyCost:
         """Estimate the cost as the sum of all contact states with their cells, and of all realisations."""
-        from .cost_model import FLOW_SECONDS, TABULATED_STATES, count_pressures, surface_seconds
-        from .face_study import state_memory, states_memory
+        from .cost_model import (
+            FLOW_SECONDS,
+            TABULATED_STATES,
+            count_pressures,
+            state_memory,
+            states_memory,
+            surface_seconds,
+        )
         from .sampling import uses_tabulated_pressures, usual_realisations
         from .stochastic_study import cut_and_tiles
 

@@ -12,7 +12,7 @@ from .study_type import Study, StudyCost, StudyOptions
 
 if TYPE_CHECKING:
     from ..scene import Scene
-    from .face_study import FaceResult
+    from .face_result import FaceResult
 
 
 class TwoScaleStudy(Study):

@@ -12,7 +12,7 @@ import femseal as fs
 from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.studies import Sampling, cut_and_cover
-from femseal.studies.face_study import fields_of_rows
+from femseal.studies.face_result import fields_of_rows
 from femseal.studies.seal_contact import solve_seal_contact
 from femseal.topography import (
     BallOnCone,
