@@ -17,7 +17,7 @@ from ..loads import LoadProgramme, load_sensitivity
 from ..seal.form import ScaledForm, SealForm
 from ..studies import Scene
 from ..topography.seat import Seat
-from .error_parts import MODEL_PARTS, ErrorBudget, ErrorPart
+from .error_parts import ErrorBudget, ErrorPart
 from .leakage_changes import LEAST_SLOPE, CoarserSolution, part_of_changes, scale_of_changes
 from .wide_intervals import counting_steps
 
@@ -34,7 +34,7 @@ class ModelChange:
     Parameters
     ----------
     name : str
-        Name of the error source, one of `MODEL_PARTS`.
+        Name of the error source.
     scene : Scene
         Input of the studies, with the change.
     note : str
@@ -94,7 +94,7 @@ class FormTolerance:
 
 def model_changes(
     scene: Scene,
-    names: Sequence[str] = MODEL_PARTS,
+    names: Sequence[str] | None = None,
     hardness: float = 0.1,
     form: FormTolerance | None = None,
 ) -> list[ModelChange]:
@@ -104,27 +104,31 @@ def model_changes(
     ----------
     scene : Scene
         Input of the study.
-    names : sequence of str
-        Names of the error sources that the budget is to contain.
+    names : sequence of str, optional
+        Names of the error sources that the budget is to contain; by default all of them.
     hardness : float
         Relative error of the hardness.
     form : FormTolerance, optional
         Errors of the form deviations of the seal and of the shape of the seat.
     """
+
+    def is_wanted(name: str) -> bool:
+        return names is None or name in names
+
     changes = []
-    if "hardness" in names and hardness > 0 and not scene.law.is_elastic:
+    if is_wanted("hardness") and hardness > 0 and not scene.law.is_elastic:
         note = f"change of ln(leakage) with {hardness:.0%} more and less hardness"
         softer = replace(scene, hardness=scene.law.times(1 - hardness))
         harder = replace(scene, hardness=scene.law.times(1 + hardness))
         opposite = ModelChange("hardness", softer, note)
         changes.append(ModelChange("hardness", harder, note, opposite=opposite))
     acting = replace(scene, fluid_pressure="acts")
-    if "fluid pressure" in names and scene.is_dry and acting.acting_fluid is not None:
+    if is_wanted("fluid pressure") and scene.is_dry and acting.acting_fluid is not None:
         note = (
             "change of ln(leakage) if the fluid pressure, which is ignored, presses the faces apart"
         )
         changes.append(ModelChange("fluid pressure", acting, note))
-    if form is None or "form" not in names:
+    if form is None or not is_wanted("form"):
         return changes
     if form.seat is not None and form.tolerance > 0:
         changes.append(form.on_seat(scene, 1, form.on_seat(scene, -1, None)))

@@ -15,19 +15,6 @@ from ..base import Array, counted
 from ..loads import LoadProgramme, least_counted
 from .load_order import within_others
 
-#: Error sources of the model and its input, in the order in which they are shown. All other error sources are
-#: numerical.
-MODEL_PARTS = (
-    "hardness",
-    "plastic law",
-    "fluid pressure",
-    "effective pressure",
-    "form",
-    "form of the patch",
-    "longer waves",
-    "continuation",
-    "thin gap",
-)
 #: Order of convergence of the leakage in the pixel size. Measured on 320 surfaces of 64² to 256² points: the median is
 #: 1.9.
 ORDER = 2.0
@@ -39,17 +26,19 @@ class ErrorPart:
 
     Parameters
     ----------
-    name : "solver", "pixels", "filter", "realisations", "patch", "patches", "blocks", or one of `MODEL_PARTS`.
+    name : name of the error source, see `sources.SOURCES`.
     lower, upper : lower and upper ends of the 95 % interval of the leakage, arrays (steps,), m²/s. A lower end of 0
         means that the seal may be sealed. An upper end of inf means that no upper bound is known. NaN means that the
         error of the source is unknown.
     note : a sentence that says how the interval was estimated.
+    of_model : whether the error is one of the model or of its input. All other errors are numerical.
     """
 
     name: str
     lower: Array
     upper: Array
     note: str
+    of_model: bool = False
 
     @classmethod
     def from_distances(
@@ -122,9 +111,7 @@ class ErrorBudget:
     @property
     def numerical(self) -> ErrorBudget:
         """Error budget that contains only the numerical error sources, without the errors of the model."""
-        return replace(
-            self, parts=tuple(part for part in self.parts if part.name not in MODEL_PARTS)
-        )
+        return replace(self, parts=tuple(part for part in self.parts if not part.of_model))
 
     @property
     def lower(self) -> Array:

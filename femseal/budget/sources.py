@@ -3,153 +3,33 @@
 The list of error sources is `SOURCES`. A run evaluates its error sources; a forecast only counts the solutions that
 they need. An error source consists of two functions. The function `versions` lists the modified versions of the input
 that must be solved. The function `parts` estimates the error of a study from the leakages of these versions. To add an
-error source, write the two functions and add them to `SOURCES`. If the error source belongs to the model or to its
-input, also add its name to `MODEL_PARTS`.
+error source, write the two functions and add them to `SOURCES`.
+
+A case selects the error sources of its model by their names. The functions therefore import what they compute with when
+they are called, so that a case can be read without loading the solvers.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from math import hypot, sqrt
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..base import Mapper
-from ..checks import FormEffect
-from ..materials import HARDNESS_FACTOR
-from ..studies import Scene, StudyResult, study_of_result
-from ..topography import Continuation, Surface
-from ..topography.instrument_limits import UNSEEN
-from .changed_models import ModelChange, model_changes, model_part, opposite_matters
-from .error_parts import ErrorBudget, ErrorPart
-from .estimates import (
-    NumericalErrors,
-    effective_pressure_part,
-    longer_waves_part,
-    patch_form_part,
-    thin_gap_part,
-)
-from .leakage_changes import CoarserSolution
-from .missing_waves import continuation_part
-from .plastic_law import plastic_law_part
-from .versions import (
-    Version,
-    VersionLeakage,
-    coarser_grid,
-    compare_leakage,
-    continued_versions,
-    kept_slope,
-    leakage_of,
-    solved_study,
-    solved_version,
-    without_filtered_waves,
-)
-
-
-class ChangedInput(NamedTuple):
-    """A change of the model, the input with this change, and the input with the opposite change.
-
-    `opposite_version` is None if the model has no change in the opposite direction.
-    """
-
-    change: ModelChange
-    version: Version
-    opposite_version: Version | None
-
-
-@dataclass(frozen=True)
-class BudgetRequest:
-    """Input of a run and the options of its error budget.
-
-    Parameters
-    ----------
-    version : Version
-        Input of the run.
-    model_parts : names of the error sources of the model that the budget is to contain.
-    hardness : float
-        Relative error of the hardness.
-    hardness_over_yield : float
-        Ratio of hardness to yield stress of the softer solid.
-    form_effect : effect of the form deviation of a measured patch on the leakage; None if the effect was not computed.
-    """
-
-    version: Version
-    model_parts: Sequence[str] = ()
-    hardness: float = 0.1
-    hardness_over_yield: float = HARDNESS_FACTOR
-    form_effect: FormEffect | None = None
-
-    @cached_property
-    def coarser(self) -> Version | None:
-        """Version of the input with fewer points; None if the cells have too few pixels for a coarser grid."""
-        return coarser_grid(self.version)
-
-    @cached_property
-    def smoother(self) -> Version | None:
-        """Version of the input without the shortest octave of waves; None if no waves were removed from the surface."""
-        return without_filtered_waves(self.version)
-
-    @property
-    def grid(self) -> Version:
-        """Unchanged input, on the grid that is used for the changes of the model."""
-        return self.coarser or self.version
-
-    @cached_property
-    def continued(self) -> list[Version]:
-        """Versions of the input that show the error of extrapolating the spectrum, see `continued_versions`."""
-        return continued_versions(self.grid)
-
-    @cached_property
-    def changes(self) -> list[ChangedInput]:
-        """Each change of the model, with the version of the input that has this change."""
-        grid = self.grid
-        changes = []
-        for change in model_changes(grid.scene, self.model_parts, self.hardness, grid.form):
-            opposite_version = None
-            if change.opposite is not None:
-                opposite_version = grid.changed(change.opposite)
-            changes.append(ChangedInput(change, grid.changed(change), opposite_version))
-        return changes
-
-
-class Evaluation:
-    """Solve the versions of the input that the error sources need, each version only once."""
-
-    def __init__(self, request: BudgetRequest, mapper: Mapper) -> None:
-        """Keep the request and the mapper; nothing is solved yet."""
-        self.request = request
-        self.mapper = mapper
-        # each solved version, with its leakages by the key of the study
-        self._solved: list[tuple[Version, dict[str, VersionLeakage]]] = []
-
-    def solve(self, version: Version) -> dict[str, VersionLeakage]:
-        """Return the leakage from each study for a version of the input, by the key of the study."""
-        for solved, leakages in self._solved:
-            if solved is version:
-                return leakages
-        leakages = solved_version(version, self.mapper)
-        self._solved.append((version, leakages))
-        return leakages
-
-    def on_grid(self, version: Version, result: StudyResult) -> CoarserSolution | None:
-        """Compare the leakages of a changed and the unchanged version of the input on equal grids.
-
-        The result is None if the study failed for the changed or for the unchanged version.
-        """
-        key = solved_study(study_of_result(result)).key
-        unchanged = self.solve(self.request.grid).get(key)
-        changed = self.solve(version).get(key)
-        if unchanged is None or changed is None:
-            return None
-        return CoarserSolution(version.scene.surface.shape, changed.leakage, unchanged.leakage)
-
+if TYPE_CHECKING:
+    from ..studies import Scene, StudyResult
+    from ..topography import Continuation, Surface
+    from .error_parts import ErrorBudget, ErrorPart
+    from .estimates import NumericalErrors
+    from .evaluation import BudgetRequest, Evaluation
+    from .versions import Version
 
 #: Function that estimates the error of one error source for the result of a study. The `ErrorBudget` contains the error
 #: sources that come before it in `SOURCES`.
-Parts = Callable[[Evaluation, StudyResult, ErrorBudget], Sequence[ErrorPart | None]]
+Parts = Callable[["Evaluation", "StudyResult", "ErrorBudget"], Sequence["ErrorPart | None"]]
 
 
 @dataclass(frozen=True)
@@ -186,6 +66,8 @@ def _no_versions(request: BudgetRequest) -> list[Version | None]:
 
 def _errors_of(evaluation: Evaluation, result: StudyResult) -> NumericalErrors:
     """Return the object that estimates the numerical errors of a study from its result."""
+    from .estimates import NumericalErrors
+
     return NumericalErrors(evaluation.request.version.scene, result)
 
 
@@ -200,6 +82,8 @@ def _pixels(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> Sequence[ErrorPart]:
     """Estimate the error of the pixel size, by comparison with a coarser grid."""
+    from .versions import compare_leakage
+
     request = evaluation.request
     solved = {} if request.coarser is None else evaluation.solve(request.coarser)
     coarse = compare_leakage(result, request.grid, solved)
@@ -212,6 +96,8 @@ def _filter(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> Sequence[ErrorPart]:
     """Estimate the error of the low-pass filter, by removing a further octave of the shortest waves."""
+    from .versions import compare_leakage, kept_slope
+
     smoother = evaluation.request.smoother
     filtered = None
     if smoother is not None:
@@ -235,6 +121,8 @@ def _effective_pressure(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error of subtracting the fluid pressure from the load of a cell."""
+    from .estimates import effective_pressure_part
+
     return [effective_pressure_part(evaluation.request.version.scene, result)]
 
 
@@ -242,35 +130,43 @@ def _thin_gap(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error of Reynolds' equation in a gap that is not thin."""
-    return [thin_gap_part(evaluation.request.version.scene, leakage_of(result))]
+    from .estimates import thin_gap_part
+
+    return [thin_gap_part(evaluation.request.version.scene, result.predicted_leakage)]
 
 
 def _plastic_law(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error of the contact law, which does not let the contact pressure exceed the hardness."""
+    from .plastic_law import plastic_law_part
+
     request = evaluation.request
     ratio = request.hardness_over_yield
-    return [plastic_law_part(request.version.scene, result, leakage_of(result), ratio)]
+    return [plastic_law_part(request.version.scene, result, result.predicted_leakage, ratio)]
 
 
 def _form_of_the_patch(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error that arises because the curvature of a patch may be form deviation or roughness."""
+    from .estimates import patch_form_part
+
     version = evaluation.request.version
     effect = evaluation.request.form_effect
     if effect is None:
         return []
     waves = version.longest_waves
     rises = waves is not None and waves.rises
-    return [patch_form_part(effect, result.steps, leakage_of(result), rises=rises)]
+    return [patch_form_part(effect, result.steps, result.predicted_leakage, rises=rises)]
 
 
 def _longer_waves(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error of leaving out waves longer than the measured patch, for realisations of a seal only."""
+    from .estimates import longer_waves_part
+
     version = evaluation.request.version
     if result.realisation_count is None:
         return []
@@ -278,13 +174,18 @@ def _longer_waves(
     if changes is None:
         return []
     has_flatness = version.flatness is not None
-    return [longer_waves_part(changes, has_flatness, result.steps, leakage_of(result))]
+    return [longer_waves_part(changes, has_flatness, result.steps, result.predicted_leakage)]
 
 
 def _continuation(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error of extrapolating the spectrum. The error is unknown if one of the modified surfaces failed."""
+    from ..studies import study_of_result
+    from .leakage_changes import CoarserSolution
+    from .missing_waves import continuation_part
+    from .versions import solved_study
+
     version, grid = evaluation.request.version, evaluation.request.grid
     continuation = version.continuation
     unchanged = evaluation.solve(grid).get(solved_study(study_of_result(result)).key)
@@ -306,7 +207,7 @@ def _continuation(
     shorter = replace(without_octave, rms_slope=smoother_surface.rms_slope)
     slope_ratio = _slope_ratio_beyond(version.scene.surface, continuation, grid.scene)
     in_contact = result.contact_fraction_at(version.scene.steps)
-    leakage = leakage_of(result)
+    leakage = result.predicted_leakage
     part = continuation_part(
         version.scene,
         leakage,
@@ -325,6 +226,8 @@ def _slope_ratio_beyond(surface: Surface, continuation: Continuation, scene: Sce
     shortest wave that matters for the contact, which is limited to between one tenth and one half of the cut-off
     wavelength.
     """
+    from ..topography.instrument_limits import UNSEEN
+
     cut_off = continuation.cut_off
     last_wave = continuation.shortest_relevant_wave(scene.law.mean_hardness, scene.surface_modulus)
     shortest = float(np.clip(last_wave, cut_off / UNSEEN, cut_off / 2))
@@ -348,8 +251,10 @@ def _changed_model(
 
     The input with the opposite change is only solved if the error source matters, see `opposite_matters`.
     """
+    from .changed_models import model_part, opposite_matters
+
     parts: list[ErrorPart | None] = []
-    leakage = leakage_of(result)
+    leakage = result.predicted_leakage
     for changed in evaluation.request.changes:
         change = changed.change
         if change.name != name:
@@ -391,45 +296,5 @@ SOURCES = (
     _source_of_changes("form"),
 )
 
-
-def versions_of_budget(request: BudgetRequest) -> list[Version]:
-    """List all versions of the input that an error budget may solve in addition to the run."""
-    wanted = [source for source in SOURCES if source.is_wanted(request)]
-    versions = [version for source in wanted for version in source.versions(request)]
-    return [version for version in versions if version is not None]
-
-
-def budgets_of(
-    request: BudgetRequest,
-    studies: Mapping[str, Any],
-    mapper: Mapper,
-    known: Mapping[str, ErrorBudget] | None = None,
-) -> dict[str, ErrorBudget]:
-    """Make the error budget of every study of a run.
-
-    Parameters
-    ----------
-    request : input of the run and the options of its error budget.
-    studies : results of the studies, by the key of the study.
-    mapper : function like the builtin `map` that computes the items of a stage, for example in several processes.
-    known : error budgets that already contain the numerical errors, by the key of the study. Numerical errors of the
-        studies in `known` are not estimated again.
-
-    Returns the error budget of each study, by the key of the study.
-    """
-    known_budgets = known or {}
-    evaluation = Evaluation(request, mapper)
-    budgets = dict(known_budgets)
-    for source in SOURCES:
-        if not source.is_wanted(request):
-            continue
-        for key, result in studies.items():
-            if not source.of_model and key in known_budgets:
-                continue
-            if key not in budgets:
-                errors = NumericalErrors(request.version.scene, result)
-                budgets[key] = errors.budget_of([])
-            budget = budgets[key]
-            parts = [part for part in source.parts(evaluation, result, budget) if part is not None]
-            budgets[key] = replace(budget, parts=(*budget.parts, *parts))
-    return budgets
+#: Names of the error sources of the model and its input, from which a case can choose.
+MODEL_PARTS = tuple(source.name for source in SOURCES if source.of_model)

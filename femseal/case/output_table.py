@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, WithJsonSchema, model_validator
 from ..base import InputError
 from ..base.leak_rates import BUBBLE, DROP, KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
-from ..budget.error_parts import MODEL_PARTS
+from ..budget.sources import MODEL_PARTS
 from ..results.file_options import FIELDS_LIMIT, FORMATS, PICTURE_FORMATS
 from .faults import as_value_error
 from .quantity_types import FileSize, Length, Temperature, UsualRange, Volume, VolumeRate

@@ -17,7 +17,7 @@ from ..base import (
     format_deviation,
     free_memory,
 )
-from ..budget import MODEL_PARTS, BudgetRequest, ErrorBudget, budgets_of, widest_interval
+from ..budget import BudgetRequest, ErrorBudget, budgets_of, widest_interval
 from ..case.case import Case
 from ..execution.run import Run
 from ..preparation.memory import START_MEMORY
@@ -118,7 +118,7 @@ class RefinedAnswer:
             "wanted": self.accuracy,
             "reached": not self.reason,
             "half_width": last.half_width,
-            "model_parts": [part.name for part in budget.parts if part.name in MODEL_PARTS],
+            "model_parts": [part.name for part in budget.parts if part.of_model],
             "with_model": widest_interval(budget).half_width,
             "limit": last.limit,
             "load": last.load,

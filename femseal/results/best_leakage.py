@@ -16,7 +16,7 @@ import numpy as np
 from ..base import Array, Flags
 from ..base.leak_rates import LeakBasis
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leakage_unit
-from ..budget import ErrorBudget, ErrorPart
+from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart
 from ..studies import STUDIES, Study
 from .load_steps import load_programme
 
@@ -138,7 +138,8 @@ def error_budgets(data: xarray.Dataset) -> dict[str, ErrorBudget]:
         for source, note in notes_by_source.items():
             source_lower = lower.sel(budget_part=source).values
             source_upper = upper.sel(budget_part=source).values
-            parts.append(ErrorPart(source, source_lower, source_upper, note))
+            of_model = source in MODEL_PARTS
+            parts.append(ErrorPart(source, source_lower, source_upper, note, of_model))
         leakage = data[study.leakage_variable].values
         budgets[method] = ErrorBudget(study.name, leakage, tuple(parts), steps)
     return budgets

@@ -9,13 +9,13 @@ from small_cases import SWEPT
 
 import femseal as fs
 from femseal.budget import (
-    MODEL_PARTS,
     SOURCES,
     BudgetRequest,
     budgets_of,
-    sources,
+    evaluation,
     versions_of_budget,
 )
+from femseal.case.output_table import OutputTable
 from femseal.preparation import prepare
 from femseal.runs.forecast import budget_inputs
 
@@ -28,9 +28,12 @@ def case(tmp_path):
     return fs.load_case(path)
 
 
-def test_every_part_of_the_model_is_a_source():
-    names = [source.name for source in SOURCES if source.of_model]
-    assert sorted(names) == sorted(MODEL_PARTS)
+def test_a_case_can_select_every_source_of_the_model_and_no_other():
+    names = [source.name for source in SOURCES]
+    assert len({*names}) == len(names)
+    choices = OutputTable.model_json_schema()["properties"]["model_parts"]["items"]["enum"]
+    assert choices == [source.name for source in SOURCES if source.of_model]
+    assert OutputTable().model_parts == tuple(choices)
 
 
 def test_a_run_solves_what_its_forecast_counts_and_each_version_once(case, monkeypatch):
@@ -38,13 +41,13 @@ def test_a_run_solves_what_its_forecast_counts_and_each_version_once(case, monke
     request = BudgetRequest(prepared, case.output.model_parts, case.hardness_tolerance)
     studies = {study.key: prepared.solve(study, map) for study in prepared.solved_studies}
     solved = []
-    plain = sources.solved_version
+    plain = evaluation.solved_version
 
     def counted(version, mapper):
         solved.append(version)
         return plain(version, mapper)
 
-    monkeypatch.setattr(sources, "solved_version", counted)
+    monkeypatch.setattr(evaluation, "solved_version", counted)
     (budget,) = budgets_of(request, studies, map).values()
     expected = versions_of_budget(request)
     assert len({id(version) for version in solved}) == len(solved)

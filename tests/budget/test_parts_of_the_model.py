@@ -141,7 +141,10 @@ def test_a_gap_that_is_not_thin_leaks_less_where_slopes_are_steep(scene):
 
 def test_numbers_alone_stay_beside_the_whole():
     q, names = np.array([1.0]), ("pixels", "hardness", "form")
-    parts = tuple(ErrorPart.from_distances(name, q, [0.1], [0.1], "") for name in names)
+    parts = tuple(
+        replace(ErrorPart.from_distances(name, q, [0.1], [0.1], ""), of_model=name in MODEL_PARTS)
+        for name in names
+    )
     budget = ErrorBudget("deterministic", q, parts)
     assert_allclose(budget.half_width(0), np.sqrt(0.03))
     assert_allclose(budget.numerical.half_width(0), 0.1)
