@@ -15,7 +15,7 @@ from ..results.load_steps import AS_PRESSURES, load_format, pressures_and_peaks
 from ..results.results import Results
 from ..results.tables import class_unit, kind_of, leakage_of
 from ..results.verdict import LeakageCurve, deciding_fluid
-from ..studies import BlocksResult, FaceResult, StochasticResult
+from ..studies import StochasticResult, SurfaceResult
 from .drawing import LEGEND_LINE, LOADS, Sheet, figure_of, legend_below, shows
 from .leakage_panels import COMMON_SCALE, LeakageCurves, leakage_panel, limits_width
 from .style import styled
@@ -52,17 +52,14 @@ def _draw_curves(curves: LeakageCurves, ax: Axes | None, label: str | None) -> F
     return sheet.figure
 
 
-@shows(FaceResult)
-@shows(BlocksResult)
-def study_figure(
-    study: FaceResult | BlocksResult, ax: Axes | None = None, label: str | None = None
-) -> Figure:
+@shows(SurfaceResult)
+def study_figure(study: SurfaceResult, ax: Axes | None = None, label: str | None = None) -> Figure:
     """Draw the leakage of a surface against nominal pressure.
 
     Parameters
     ----------
-    study : FaceResult or BlocksResult
-        Result of a deterministic or two-scale study, or of a study in blocks.
+    study : SurfaceResult
+        Result of a study that solves a surface, such as `FaceResult`.
     ax : Axes, optional
         Axes to draw into; by default, a new figure is made.
     label : str, optional

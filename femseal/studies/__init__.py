@@ -16,7 +16,8 @@ contains.
     cell_supply         permeabilities of the cells at the pressure of each tile
     stochastic_study    realisations of a seal, whose tiles take random cells
     patch_interval      95 % interval of a leakage that was computed from one measured patch
-    study_type          what a run must know of a study, and what every result contains
+    study_type          what a run must know of a study
+    study_result        what the result of every study contains
     study_list          all studies by name; each is described in a file of its own, such as blocks_type
     cost_model          expected time and memory of contact and flow
 """
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
     from .stochastic_result import StochasticResult
     from .stochastic_study import cut_and_tiles, stochastic
     from .study_list import STUDIES, studies_named, study_of_result
-    from .study_type import Study, StudyCost, StudyOptions, StudyResult
+    from .study_result import StudyResult, SurfaceResult
+    from .study_type import Study, StudyCost, StudyOptions
 else:
     __getattr__, __dir__ = lazy(__name__)

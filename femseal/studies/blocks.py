@@ -22,7 +22,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..base import Array, InputError, Mapper, Shape, Shown, Stage
+from ..base import Array, InputError, Mapper, Shape, Stage
 from ..base.fields import CELL, STEP, declared
 from ..checks import QuickEstimate, estimate_scene, result_warnings
 from ..contact import HalfSpace
@@ -39,6 +39,7 @@ from .patch_state import PatchState, open_leakage_of_state
 from .rough_layer import RoughLayer
 from .sampling import TileFluid
 from .seal_contact import opening_permeability
+from .study_result import SurfaceResult
 from .tabulated_pressures import choose_tabulated_pressures, interpolate_along_paths
 
 #: Cells of a block along each axis. Measured on 10 surfaces of 2 × 2 blocks: with 4 cells, the quartiles of the ratio
@@ -57,7 +58,7 @@ _MOST_POINTS_OF_SIDE = 1024
 
 
 @dataclass(frozen=True, repr=False)
-class BlocksResult(Shown):
+class BlocksResult(SurfaceResult):
     """Leakage of a surface that was solved block by block, and the permeabilities of its cells.
 
     The fields `k1`, `k2`, `pressure` and `mean_gap` of the cells are arrays (steps, rows, columns), with the cells in
@@ -101,22 +102,11 @@ class BlocksResult(Shown):
     method: ClassVar[str] = "blocks"
     kind: ClassVar[str] = "by blocks"
     patches: ClassVar[None] = None
-    realisation_count: ClassVar[None] = None
-    takes_random_cells: ClassVar[bool] = False
-
-    @property
-    def predicted_leakage(self) -> Array:
-        """Leakage per unit seal length (steps,) [m²/s]."""
-        return self.leakage
 
     @property
     def surface_gap(self) -> Array:
         """Mean gap of the whole surface (steps,) [m]."""
         return self.mean_gap.mean(axis=(1, 2))
-
-    def contact_fraction_at(self, steps: LoadProgramme) -> Array:
-        """Return NaN at every load step (steps,), because the pixels of the whole surface are not known together."""
-        return np.full(len(steps), np.nan)
 
     def open_leakage(self, scene: Scene) -> Array:
         """Return the leakage of a uniform gap that is equal to the mean gap (steps,) [m²/s]."""

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base import Array, InputError, Shown, Singles
+from ..base import Array, InputError, Singles
 from ..base.fields import PIXEL, ROW, STEP, declared
 from ..checks import QuickEstimate
 from ..contact import LoadState, coating_edge_distance
@@ -18,6 +18,7 @@ from ..scene import Scene
 from ..scene.fluid_coupling import CoupledContact
 from .cell_states import FaceCells
 from .patch_leakage import PatchLeakage
+from .study_result import SurfaceResult
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +127,7 @@ def fields_of_rows(row_pressure: Array, spacing: float) -> dict[str, Any]:
 
 
 @dataclass(frozen=True, repr=False)
-class FaceResult(Shown):
+class FaceResult(SurfaceResult):
     """Contact and flow of a whole surface at every load step, on all pixels and for all cells.
 
     Parameters
@@ -203,10 +204,7 @@ class FaceResult(Shown):
     face_solvers: SolveCounts = field(default_factory=SolveCounts)
     quick_estimate: QuickEstimate | None = field(default=None, repr=False)
 
-    kind: ClassVar[str] = ""
     patch_state: ClassVar[None] = None
-    realisation_count: ClassVar[None] = None
-    takes_random_cells: ClassVar[bool] = False
 
     @property
     def solvers(self) -> SolveCounts:
@@ -217,11 +215,6 @@ class FaceResult(Shown):
     def method(self) -> str:
         """Name of the study, "two-scale" for a result with cells and "deterministic" for a result without cells."""
         return "deterministic" if self.cells is None else "two-scale"
-
-    @property
-    def predicted_leakage(self) -> Array:
-        """Leakage per unit seal length (steps,) [m²/s]."""
-        return self.leakage
 
     @property
     def surface_gap(self) -> Array:

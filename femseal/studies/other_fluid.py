@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base import Array
 from ..scene import FluidState, Scene
-from .study_type import StudyResult
+from .study_result import StudyResult
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,8 @@ from collections.abc import Collection
 from .blocks_type import BLOCKS
 from .deterministic_type import DETERMINISTIC
 from .stochastic_type import STOCHASTIC
-from .study_type import Study, StudyResult
+from .study_result import StudyResult
+from .study_type import Study
 from .two_scale_type import TWO_SCALE
 
 #: All studies by name, in the order in which they are solved. A study may use the results of earlier studies. If a case
