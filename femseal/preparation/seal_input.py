@@ -10,8 +10,8 @@ from ..case.case import Case
 from ..seal.form import SealForm
 from ..seal.layouts import Layout
 from ..studies import Sampling, Scene, cut_and_cover, cut_and_tiles
-from ..studies.sampling import check_map
 from ..studies.seal_contact import sample_form
+from ..studies.tile_pressure import check_map
 from ..topography import Surface
 from ..topography.seat import Seat
 from .keys import MAP_KEYS, SEAL_KEYS, errors_with_keys

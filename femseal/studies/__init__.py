@@ -11,7 +11,9 @@ contains.
     tabulated_pressures pressures at which the contact of cells is tabulated, and interpolation between them
     patch_leakage       leakage of each measured patch
     blocks              study of a large surface, block by block
-    sampling            options of the stochastic study, and pressure of the tiles under a pressure map
+    sampling            options of the stochastic study, and the tiles of its seal
+    tile_pressure       nominal pressure of the tiles under a pressure map
+    tile_fluid          fluid pressures at which the cells of tiles are solved
     seal_contact        pressure of the tiles of a seal that has a form, from rough_layer and contact_points
     cell_supply         permeabilities of the cells at the pressure of each tile
     stochastic_study    realisations of a seal, whose tiles take random cells
@@ -32,9 +34,9 @@ if TYPE_CHECKING:
     from .face_result import FaceResult
     from .face_study import deterministic, two_scale
     from .other_fluid import OtherLeakage, drop_ratio
-    from .sampling import Sampling, cut_and_cover
+    from .sampling import Sampling, cut_and_cover, cut_and_tiles
     from .stochastic_result import StochasticResult
-    from .stochastic_study import cut_and_tiles, stochastic
+    from .stochastic_study import stochastic
     from .study_list import STUDIES, studies_named, study_of_result
     from .study_result import StudyResult, SurfaceResult
     from .study_type import Study, StudyCost, StudyOptions

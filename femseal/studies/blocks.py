@@ -37,10 +37,10 @@ from .cells_in_order import flow_in_order
 from .contact_points import ContactPoints, solve_steps
 from .patch_state import PatchState, open_leakage_of_state
 from .rough_layer import RoughLayer
-from .sampling import TileFluid
 from .seal_contact import opening_permeability
 from .study_result import SurfaceResult
 from .tabulated_pressures import choose_tabulated_pressures, interpolate_along_paths
+from .tile_fluid import TileFluid
 
 #: Cells of a block along each axis. Measured on 10 surfaces of 2 × 2 blocks: with 4 cells, the quartiles of the ratio
 #: (computed leakage)/(leakage of the whole surface) are 0.90 and 1.43. With 2 cells, the quartiles are 0.79 and 1.33,

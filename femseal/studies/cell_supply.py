@@ -18,8 +18,9 @@ from ..seal.tiles import SealTiles
 from .cell_states import FaceCells, solve_cells_at_pressures
 from .face_study import cut_into_cells
 from .patch_state import PatchState
-from .sampling import TileFluid, distinct_paths
 from .tabulated_pressures import choose_tabulated_pressures, interpolate_along_paths
+from .tile_fluid import TileFluid
+from .tile_pressure import distinct_paths
 
 #: Estimated relative error at which the leakage of a realisation has converged, if permeabilities depend on the fluid
 #: pressure. The true error was below 1e-3 up to a fluid pressure of 0.95 of the load.

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, FemsealError, InputError, Mapper, Shape, Stage
+from ..base import Array, FemsealError, Mapper, Shape, Stage
 from ..checks import (
     QuickEstimate,
     estimate_scene,
@@ -19,7 +19,7 @@ from ..checks import (
     result_warnings,
 )
 from ..face.cell_flow import Failed, SolveCounts
-from ..face.cells import MOST_FACTOR, MOST_RATIO, Cut
+from ..face.cells import MOST_FACTOR, MOST_RATIO
 from ..scene import Scene
 from ..seal.tiles import SealTiles
 from .cell_supply import CellSupply, mean_relief, supply_cells
@@ -27,16 +27,10 @@ from .face_result import fields_of_rows
 from .patch_interval import interval_widths
 from .patch_leakage import PatchLeakage
 from .patch_state import PatchState, open_leakage_per_permeability
-from .sampling import (
-    FEWEST_SEALS,
-    MOST_SEALS,
-    Sampling,
-    check_map,
-    cut_and_cover,
-    pressure_fractions,
-)
+from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, cut_and_tiles
 from .seal_contact import SealContact, remove_waves_of_forms, solve_seal_contact
 from .stochastic_result import MedianSeal, StochasticResult, at_every_step, find_median_realisation
+from .tile_pressure import check_map, pressure_fractions
 
 #: Desired standard error of ln(median leakage), divided by the half-width of the 95 % interval for a single patch.
 MEDIAN_ERROR_FRACTION = 1 / 20
@@ -144,19 +138,6 @@ def stochastic(
         warnings=(*warnings, *tiles.warnings, *map_warnings),
         solvers=SolveCounts.total(counts),
     )
-
-
-def cut_and_tiles(scene: Scene, cells: Shape | None, sampling: Sampling) -> tuple[Cut, SealTiles]:
-    """Cut the surface into cells, and cover the seal with tiles that are each as large as a cell.
-
-    Raises InputError in the cases listed in the docstring of `stochastic`.
-    """
-    cut, tiles = cut_and_cover(scene.surface, scene.layout, cells, sampling)
-    if scene.traps_liquid and not tiles.in_order:
-        given = "'trapped' with a seal that takes cells from anywhere on the face"
-        expected = "'acts' with this seal, or a seal that is as wide as the face and pressed evenly"
-        raise InputError("fluid_pressure", given, expected)
-    return cut, tiles
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,8 +57,7 @@ class StochasticStudy(Study):
             states_memory,
             surface_seconds,
         )
-        from .sampling import uses_tabulated_pressures, usual_realisations
-        from .stochastic_study import cut_and_tiles
+        from .sampling import cut_and_tiles, uses_tabulated_pressures, usual_realisations
 
         assert options.sampling is not None
         cut, tiles = cut_and_tiles(scene, options.cells, options.sampling)
@@ -90,7 +89,8 @@ class StochasticStudy(Study):
     def description(self, scene: Scene, options: StudyOptions) -> Iterator[tuple[str, str]]:
         """Describe the contact states that the study solves, its realisations, and its pressure map."""
         from .cost_model import TABULATED_STATES
-        from .sampling import describe_map, uses_tabulated_pressures
+        from .sampling import uses_tabulated_pressures
+        from .tile_pressure import describe_map
 
         sampling = options.sampling
         if sampling is None:

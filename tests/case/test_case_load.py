@@ -15,7 +15,7 @@ from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.runs.identity import face_files
 from femseal.seal import AngleTable, Frame, MapsAtLoads, Profile, Uniform
-from femseal.studies.sampling import pressure_fractions, seal_for_maps
+from femseal.studies.tile_pressure import pressure_fractions, seal_for_maps
 
 ROOT = Path(__file__).parents[2]
 

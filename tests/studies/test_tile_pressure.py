@@ -11,8 +11,8 @@ from femseal import Topography, self_affine
 from femseal.loads import LoadProgramme
 from femseal.seal import AngleTable, AnnularLayout, MapsAtLoads, Profile, Uniform
 from femseal.studies import Sampling, stochastic
-from femseal.studies.sampling import MOST_OF_SEVERAL, MOST_PATHS, distinct_paths
 from femseal.studies.tabulated_pressures import interpolate_along_paths
+from femseal.studies.tile_pressure import MOST_OF_SEVERAL, MOST_PATHS, distinct_paths
 
 LOADS = {"loading": (5e7, 1e8, 2e8), "unload_from": (2e8,), "unloading": (1e8, 5e7)}
 STRIP = Sampling(length=64 * 32e-6, breadth=4 * 32e-6, realisations=4, seed=3, median_fields=False)
