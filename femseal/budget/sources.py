@@ -32,6 +32,11 @@ if TYPE_CHECKING:
 Parts = Callable[["Evaluation", "StudyResult", "ErrorBudget"], Sequence["ErrorPart | None"]]
 
 
+def _no_versions(request: BudgetRequest) -> list[Version | None]:
+    """Return an empty list, for an error source that needs no further solution."""
+    return []
+
+
 @dataclass(frozen=True)
 class ErrorSource:
     """Describe an error source.
@@ -40,28 +45,26 @@ class ErrorSource:
     ----------
     name : str
         Name of the row in the budget.
-    versions : callable
-        Function that lists all versions of the input that may have to be solved for the error source.
     parts : callable
         Function that estimates the error, see `Parts`.
+    remedy : str
+        Action that reduces the error, for the advice in the report.
+    versions : callable
+        Function that lists all versions of the input that may have to be solved for the error source; by default none.
     of_model : bool
         True for an error source of the model or of its input, which is evaluated only if its name is requested. False
         for a numerical error source, which is always evaluated.
     """
 
     name: str
-    versions: Callable[[BudgetRequest], Sequence[Version | None]]
     parts: Parts
+    remedy: str
+    versions: Callable[[BudgetRequest], Sequence[Version | None]] = _no_versions
     of_model: bool = True
 
     def is_wanted(self, request: BudgetRequest) -> bool:
         """Return whether the error source belongs to the requested error budget."""
         return not self.of_model or self.name in request.model_parts
-
-
-def _no_versions(request: BudgetRequest) -> list[Version | None]:
-    """Return an empty list, for an error source that needs no further solution."""
-    return []
 
 
 def _errors_of(evaluation: Evaluation, result: StudyResult) -> NumericalErrors:
@@ -270,31 +273,67 @@ def _changed_model(
     return parts
 
 
-def _source_of_changes(name: str) -> ErrorSource:
+def _source_of_changes(name: str, remedy: str) -> ErrorSource:
     """Make the error source `name`, whose error is estimated by changing the model, see `model_changes`."""
-    return ErrorSource(
-        name, partial(_changed_versions, name=name), partial(_changed_model, name=name)
-    )
+    parts = partial(_changed_model, name=name)
+    return ErrorSource(name, parts, remedy, partial(_changed_versions, name=name))
 
 
-#: All sources of error, in the order in which they are evaluated and shown. The row of the error source "patch" is
-#: called "patches" for three or more patches, and "blocks" for a surface that is solved block by block.
+#: All sources of error, in the order in which they are evaluated and shown. The order matters for the sources at the
+#: end of the list, which change the model: `opposite_matters` compares such a source with all sources before it. The
+#: row of the error source "patch" has another name for three or more patches, and for a surface that is solved block by
+#: block, see `OTHER_ROWS`.
 SOURCES = (
-    ErrorSource("solver", _no_versions, _solver, of_model=False),
-    ErrorSource("pixels", lambda request: [request.coarser], _pixels, of_model=False),
-    ErrorSource("filter", lambda request: [request.smoother], _filter, of_model=False),
-    ErrorSource("realisations", _no_versions, _realisations, of_model=False),
-    ErrorSource("patch", _no_versions, _patch, of_model=False),
-    ErrorSource("effective pressure", _no_versions, _effective_pressure),
-    ErrorSource("thin gap", _no_versions, _thin_gap),
-    ErrorSource("plastic law", _no_versions, _plastic_law),
-    ErrorSource("form of the patch", _no_versions, _form_of_the_patch),
-    ErrorSource("longer waves", _no_versions, _longer_waves),
-    ErrorSource("continuation", lambda request: request.continued, _continuation),
-    _source_of_changes("hardness"),
-    _source_of_changes("fluid pressure"),
-    _source_of_changes("form"),
+    ErrorSource("solver", _solver, "a smaller contact.rtol", of_model=False),
+    ErrorSource(
+        "pixels",
+        _pixels,
+        "more surface.points",
+        versions=lambda request: [request.coarser],
+        of_model=False,
+    ),
+    ErrorSource(
+        "filter",
+        _filter,
+        "a shorter surface.shortest_wave, as far as the waves were measured",
+        versions=lambda request: [request.smoother],
+        of_model=False,
+    ),
+    ErrorSource("realisations", _realisations, "more realisations in [stochastic]", of_model=False),
+    ErrorSource(
+        "patch", _patch, "a larger measured area, or a second measured patch", of_model=False
+    ),
+    ErrorSource("effective pressure", _effective_pressure, "a smaller pressure of the fluid"),
+    ErrorSource("thin gap", _thin_gap, "a smoother face (its gap is not thin against its waves)"),
+    ErrorSource(
+        "plastic law",
+        _plastic_law,
+        "a hardness that agrees with plastic flow at this roughness (see the page on the plastic law)",
+    ),
+    ErrorSource(
+        "form of the patch",
+        _form_of_the_patch,
+        "surface.detrend, which says whether the curvature belongs to the seal",
+    ),
+    ErrorSource(
+        "longer waves",
+        _longer_waves,
+        "a larger measured area, or the flatness of the seal in [seal]",
+    ),
+    ErrorSource(
+        "continuation",
+        _continuation,
+        "an instrument that sees shorter waves",
+        versions=lambda request: request.continued,
+    ),
+    _source_of_changes("hardness", "a measured hardness, and a smaller hardness_tolerance with it"),
+    _source_of_changes("fluid pressure", 'fluid_pressure = "acts" in [contact]'),
+    _source_of_changes(
+        "form", "a form that is known more exactly, and a smaller tolerance with it"
+    ),
 )
+#: Other names of the row of the error source "patch", each with the action that reduces the error.
+OTHER_ROWS = {"patches": "more measured patches", "blocks": "larger blocks"}
 
 #: Names of the error sources of the model and its input, from which a case can choose.
 MODEL_PARTS = tuple(source.name for source in SOURCES if source.of_model)

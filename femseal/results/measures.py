@@ -19,29 +19,13 @@ import numpy as np
 from ..base import Array
 from ..budget import ErrorBudget
 from ..budget.error_parts import ORDER
+from ..budget.sources import OTHER_ROWS, SOURCES
 from ..studies.patch_interval import error_of_few_carriers
 from .best_leakage import class_interval_of
 from .results import Results
 
-#: Action that reduces each source of error, by the name of the source in the error budget.
-NARROWED_BY = {
-    "blocks": "larger blocks",
-    "continuation": "an instrument that sees shorter waves",
-    "effective pressure": "a smaller pressure of the fluid",
-    "fluid pressure": 'fluid_pressure = "acts" in [contact]',
-    "filter": "a shorter surface.shortest_wave, as far as the waves were measured",
-    "form": "a form that is known more exactly, and a smaller tolerance with it",
-    "form of the patch": "surface.detrend, which says whether the curvature belongs to the seal",
-    "hardness": "a measured hardness, and a smaller hardness_tolerance with it",
-    "longer waves": "a larger measured area, or the flatness of the seal in [seal]",
-    "patch": "a larger measured area, or a second measured patch",
-    "plastic law": "a hardness that agrees with plastic flow at this roughness (see the page on the plastic law)",
-    "pixels": "more surface.points",
-    "patches": "more measured patches",
-    "realisations": "more realisations in [stochastic]",
-    "solver": "a smaller contact.rtol",
-    "thin gap": "a smoother face (its gap is not thin against its waves)",
-}
+#: Action that reduces each source of error, by the name of its row in the error budget.
+_REMEDIES = {source.name: source.remedy for source in SOURCES} | OTHER_ROWS
 #: Action against the error "plastic law" if the case gives the yield stress and not the hardness.
 _RATIO_TO_YIELD_STRESS = (
     "the hardness_over_yield that agrees with plastic flow at this roughness, in [material]"
@@ -124,7 +108,7 @@ def narrowed_by(results: Results, source: str) -> str:
     material = results.case.get("material") or {}
     if source == "plastic law" and material.get("yield_stress") is not None:
         return _RATIO_TO_YIELD_STRESS
-    return NARROWED_BY.get(source, "")
+    return _REMEDIES.get(source, "")
 
 
 def is_generated(results: Results) -> bool:
