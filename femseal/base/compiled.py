@@ -12,6 +12,7 @@ only called from compiled code. This saves a twelfth of the compile time.
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache, wraps
 from typing import Any
 
@@ -19,8 +20,9 @@ import numpy as np
 from numba import njit
 from numba.extending import overload, register_jitable
 
-#: Number of threads that share the work on one array: 1 while other processes use all cores.
-_threads = 1
+#: Number of threads that share the work on one array: 1 while other processes use all cores. Each thread that calls
+#: functions of the package has its own number.
+_threads = ContextVar("threads", default=1)
 #: Approximate number of points in each part of a two-dimensional array.
 _POINTS = 2**17
 #: Approximate number of items in each part of a list. A loop over so many items takes a few tenths of a millisecond.
@@ -32,19 +34,18 @@ ZERO, ONE, NO, YES = np.int64(0), np.int64(1), np.bool_(False), np.bool_(True)
 
 def thread_count() -> int:
     """Return the number of threads that may share the work on an array."""
-    return _threads
+    return _threads.get()
 
 
 @contextmanager
 def using_threads(threads: int) -> Iterator[None]:
-    """Set the number of threads that may share the work on an array inside a `with` block."""
-    global _threads
-    previous = _threads
-    _threads = threads
+    """Set the number of threads that may share the work of the calling thread on an array inside a `with` block."""
+    previous = _threads.get()
+    _threads.set(threads)
     try:
         yield
     finally:
-        _threads = previous
+        _threads.set(previous)
 
 
 def parts(n: int, length: float) -> list[tuple[int, int]]:
@@ -102,7 +103,7 @@ def over(parts: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any
 
     Returns the values in the order of the parts.
     """
-    return on_threads(_threads, lambda part: work(*part, *arguments), parts)
+    return on_threads(thread_count(), lambda part: work(*part, *arguments), parts)
 
 
 @cache

@@ -4,8 +4,8 @@ A file is written completely or not at all, and links, pipes and devices are not
 """
 
 import os
+import secrets
 import stat
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -108,15 +108,11 @@ def replacing(path: Path) -> Iterator[Path]:
     if path.exists() and not path.is_file():
         given = f"'{path}', which is a device, a pipe or a folder"
         raise InputError("file", given, "an existing file, or the name of a new file")
-    handle, name = tempfile.mkstemp(suffix=path.suffix, prefix=".unfinished-", dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
+    temporary = path.parent / f".unfinished-{secrets.token_hex(8)}{path.suffix}"
+    # unlike a file of the module tempfile, this one has the usual permissions
+    temporary.touch(exist_ok=False)
     try:
         yield temporary
-        # mkstemp makes files that only their owner can read; give it the usual permissions
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)

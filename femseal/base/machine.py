@@ -17,8 +17,10 @@ import os
 import platform
 import sys
 import tempfile
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -60,6 +62,10 @@ def free_memory() -> float:
     return float(psutil.virtual_memory().available)
 
 
+#: Lock of the thread that limits the memory of the process; the thread may limit it again inside.
+_limiting = threading.RLock()
+
+
 @contextmanager
 def within_free_memory() -> Iterator[None]:
     """Raise MemoryError if the code inside a `with` block requests more memory than is free at its beginning.
@@ -72,21 +78,23 @@ def within_free_memory() -> Iterator[None]:
         return
     import resource
 
-    soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    limit = psutil.Process().memory_info().vms + int(free_memory())
-    if soft != resource.RLIM_INFINITY:
-        limit = min(limit, soft)
-    resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+    # the limit holds for the whole process: of several threads, one at a time sets and removes it
+    with _limiting:
+        soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+        limit = psutil.Process().memory_info().vms + int(free_memory())
+        if soft != resource.RLIM_INFINITY:
+            limit = min(limit, soft)
+        resource.setrlimit(resource.RLIMIT_AS, (limit, hard))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-#: File descriptors of the shared arrays: one list for each active `with` block of `sharing`.
-_shared: list[list[int]] = []
-#: Folder of large arrays and memory limit [byte], for each active `with` block of `storing`.
-_stores: list[tuple[Path | None, float]] = []
+#: File descriptors of the arrays that the innermost `with` block of `sharing` shares; None outside such a block.
+_shared: ContextVar[list[int] | None] = ContextVar("shared", default=None)
+#: Folder of large arrays and memory limit [byte] of the innermost `with` block of `storing`.
+_store: ContextVar[tuple[Path | None, float]] = ContextVar("store", default=(None, math.inf))
 #: An array lies on disk if it takes more than this fraction of the memory that a run may use.
 PART_OF_MEMORY = 1 / 16
 
@@ -94,11 +102,14 @@ PART_OF_MEMORY = 1 / 16
 @contextmanager
 def sharing() -> Iterator[None]:
     """Make arrays accessible to other processes if `shared_empty` creates them inside the `with` block."""
-    _shared.append([])
+    previous = _shared.get()
+    descriptors: list[int] = []
+    _shared.set(descriptors)
     try:
         yield
     finally:
-        for descriptor in _shared.pop():
+        _shared.set(previous)
+        for descriptor in descriptors:
             os.close(descriptor)
 
 
@@ -109,16 +120,17 @@ def storing(folder: Path | None, memory: float | None = None) -> Iterator[None]:
     folder : folder for the files; None for the system's temporary folder.
     memory : upper limit of the memory that the run may use [byte]; None for no limit besides the free memory.
     """
-    _stores.append((folder, math.inf if memory is None else memory))
+    previous = _store.get()
+    _store.set((folder, math.inf if memory is None else memory))
     try:
         yield
     finally:
-        _stores.pop()
+        _store.set(previous)
 
 
 def lies_on_disk(size: float) -> bool:
     """Return whether `shared_empty` stores an array of the given size [byte] on disk."""
-    limit = _stores[-1][1] if _stores else math.inf
+    _, limit = _store.get()
     return size > PART_OF_MEMORY * min(free_memory(), limit)
 
 
@@ -133,7 +145,8 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
 
     size = math.prod(shape) * np.dtype(dtype).itemsize
     on_disk = lies_on_disk(size)
-    is_shared = bool(_shared)
+    descriptors = _shared.get()
+    is_shared = descriptors is not None
     needs_file = on_disk or is_shared
     cannot_share = is_shared and not hasattr(os, "memfd_create")  # other systems than Linux
     if size == 0 or cannot_share or not needs_file:
@@ -141,10 +154,10 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     try:
         with _unnamed_file(on_disk) as file:
             _reserve(file, size, on_disk)
-            if not is_shared:
+            if descriptors is None:
                 return np.memmap(file, dtype, "r+", shape=shape)
             descriptor = os.dup(file.fileno())
-            _shared[-1].append(descriptor)
+            descriptors.append(descriptor)
         # joblib only sends the name of the file instead of its content, so the file must be mapped by a name
         return np.memmap(f"/proc/{os.getpid()}/fd/{descriptor}", dtype, "r+", shape=shape)
     except OSError:
@@ -156,7 +169,7 @@ def _unnamed_file(on_disk: bool) -> Any:
     """Open a temporary file without a folder entry, either in memory or on disk in the folder of `storing`."""
     if not on_disk:
         return open(os.memfd_create("femseal"), "r+b")
-    folder = _stores[-1][0] if _stores else None
+    folder, _ = _store.get()
     return tempfile.TemporaryFile(dir=folder)
 
 

@@ -38,17 +38,19 @@ from .grid import Stencil, edge_conductances
 from .problem import FIELD_RTOL, DarcyFlow
 from .solvers.choice import solve_flow
 
-# scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
-logging.getLogger("skfem.mesh.mesh").addFilter(
-    lambda record: "C_CONTIGUOUS" not in record.getMessage()
-)
-
+#: Logger of the meshes of scikit-fem.
+_MESH_LOG = logging.getLogger("skfem.mesh.mesh")
 #: Fewest columns of a periodic mesh of scikit-fem.
 FEWEST_COLUMNS = 3
 #: Relative error of the flow.
 _RTOL = 1e-8
 #: Relative amount by which the bounds are widened to allow for rounding errors in their computation.
 _ROUNDING = 1e-13
+
+
+def _is_no_copy(record: logging.LogRecord) -> bool:
+    """Return False for a log record which only says that the numbers of a mesh are copied."""
+    return "C_CONTIGUOUS" not in record.getMessage()
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +185,12 @@ class Rectangles:
         """
         last_line = self._vertex_numbers[:, -1]
         first_line = self._vertex_numbers[:, 0]
-        return MeshQuad1DG.periodic(self.plain_mesh, last_line, first_line)
+        # scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
+        _MESH_LOG.addFilter(_is_no_copy)
+        try:
+            return MeshQuad1DG.periodic(self.plain_mesh, last_line, first_line)
+        finally:
+            _MESH_LOG.removeFilter(_is_no_copy)
 
     @cached_property
     def plain_mesh(self) -> Mesh:
