@@ -17,7 +17,7 @@ from functools import cache, wraps
 from typing import Any
 
 import numpy as np
-from numba import njit
+from numba import njit, typeof
 from numba.extending import overload, register_jitable
 
 #: Number of threads that share the work on one array: 1 while other processes use all cores. Each thread that calls
@@ -132,6 +132,26 @@ def inner(**options: Any) -> Callable[[Any], Any]:
     Never call the decorated function from Python: the call would crash the interpreter.
     """
     return compiled(no_cpython_wrapper=True, **options)
+
+
+#: Entry points of compiled functions, see `entry_point`.
+_entry_points: dict[Any, Callable[..., Any]] = {}
+
+
+def entry_point(function: Any, *arguments: Any) -> Callable[..., Any]:
+    """Return the compiled code of a function that is always called with arguments of the same types.
+
+    Before each call, Numba compares the types of all arguments with those for which the function is compiled. With
+    named tuples of 17 arrays, a call then takes 3.2 µs, as long as a whole loop on a small grid. A call of the entry
+    point takes 0.8 µs. It does not check the types of its arguments.
+
+    arguments : arguments of a typical call, which determine the types. They only matter in the first call.
+    """
+    if function not in _entry_points:
+        types = tuple(typeof(argument) for argument in arguments)
+        function.compile(types)
+        _entry_points[function] = function.get_overload(types)
+    return _entry_points[function]
 
 
 def leader(**options: Any) -> Callable[[Any], Any]:

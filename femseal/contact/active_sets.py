@@ -22,32 +22,20 @@ returned pressure. Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsk
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import inf, sqrt
 from typing import Any, NamedTuple, Protocol
 
+from .conjugate_gradients import Directions, StepLimits, conjugate_gradients
 from .descent import Solution, descend
 from .workspace import Loops, Problem, Workspace
 
-
-class StepLimits(NamedTuple):
-    """Limits for the conjugate-gradient steps in one iteration of the contact solver.
-
-    after_change : maximum number of conjugate-gradient steps if the iteration has changed the active sets.
-    without_change : maximum number of conjugate-gradient steps if the iteration has not changed the active sets.
-    drop : the steps end when w·r (the squared energy norm of the residual) falls below this fraction of its initial
-        value.
-    """
-
-    after_change: int
-    without_change: int
-    drop: float
-
-
-_STEPS = StepLimits(3, 5, 0.04)
-#: Limits for grids with a long axis, on which contact patches may be large or far from each other. Compared with
-#: `_STEPS`, the number of products falls from 48 to 37 for unloading on 2048² points, and from between 400 and 1,400 to
-#: 200 for a strip of 2 × 32768 points.
-_LONG_STEPS = StepLimits(64, 64, 0.01)
+#: Limits of the conjugate-gradient steps in an iteration that has changed the active sets, and in one that has not.
+_AFTER_CHANGE, _WITHOUT_CHANGE = StepLimits(3, 0.04), StepLimits(5, 0.04)
+#: Limits for grids with a long axis, on which contact patches may be large or far from each other. With these limits,
+#: the number of products falls from 48 to 37 for unloading on 2048² points, and from between 400 and 1,400 to 200 for a
+#: strip of 2 × 32768 points.
+_LONG_STEPS = StepLimits(64, 0.01)
 #: An axis is long from this number of points on.
 _LONG = 1024
 #: Number of iterations after which `descent`, whose steps never increase the energy, is used.
@@ -58,11 +46,6 @@ _MONOTONE_BELOW = 0.1
 _LEAST_DAMPING = 1e-3
 #: Relative increase of the energy that cannot be explained by rounding errors.
 _RISE = 1e-13
-#: With the tangents of a curved law, the damping is reduced if the residual has become larger than this fraction of its
-#: value at the previous change of the sets. Energies with different tangents cannot be compared.
-_SLOW = 0.9
-#: Value of w·r below which the residual is a rounding error, relative to w·r for the residual δ at all free points.
-_FLAT = 1e-30
 #: The sets are not changed as long as each iteration reduces the residual to a half, and the points that would change
 #: sets contribute at most this fraction of the squared residual.
 _FRACTION = 0.1
@@ -70,23 +53,44 @@ _FRACTION = 0.1
 _LOAD_RTOL = 1e-10
 
 
-class Lists(NamedTuple):
-    """Sizes of the lists of `projection`, and the threshold with which the lists were made.
+class ActiveSets(NamedTuple):
+    """The present active sets: result of the first part of an iteration.
 
-    near : number of points near contact. A point is near contact if it is in contact or if v is below `reach`.
-    free : number of free points. The pressure of a free point is unknown.
+    n_near : number of points near contact. A point is near contact if it is in contact or if v is below `reach`.
+    n_free : number of free points. The pressure of a free point is unknown.
     reach : value of v [m] below which a point is listed as near contact.
     margin : `reach` minus the approach δ at the time the lists were made [m].
+    energy : energy when the sets were chosen; infinite for the sets of the initial pressure.
+    residual : residual when the sets were chosen; infinite for the sets of the initial pressure.
+    damping : factor of the length of the next projection step. It is reduced if the energy has increased.
     """
 
-    near: int
-    free: int
+    n_near: int
+    n_free: int
     reach: float
     margin: float
+    energy: float = inf
+    residual: float = inf
+    damping: float = 1.0
+
+
+class Gradients(NamedTuple):
+    """Result of the second part of an iteration, the conjugate gradients.
+
+    step : length c [Pa/m] of the next projection step.
+    directions : scalars needed to continue the conjugate gradients; None to restart them.
+    is_fresh : whether v was computed from p by a product. Conjugate gradients only update v at points near contact.
+    products : number of products with K.
+    """
+
+    step: float
+    directions: Directions | None = None
+    is_fresh: bool = True
+    products: int = 0
 
 
 class Evaluation(NamedTuple):
-    """Result of an evaluation of the contact.
+    """Result of the third part of an iteration, the evaluation of the contact.
 
     delta : approach δ [m], minus the height that the solver has subtracted from the undeformed gap.
     residual : residual ‖p − y‖/‖y‖ · c₀/c.
@@ -98,47 +102,55 @@ class Evaluation(NamedTuple):
     sets_change: bool
 
 
-class Directions(NamedTuple):
-    """State of the conjugate gradients on one set of free points.
+class LawOnGrid(Protocol):
+    """What the iteration needs to know of the contact law: a straight line at each point, or tangents of a curve."""
 
-    total_ones : sum of all components of M1, the preconditioner M applied to a vector of ones.
-    previous_wr : product w·r of the previous direction; infinite if there is no previous direction.
-    unused_wr : product w·r of the next direction; None if the next direction has not been computed.
-    """
+    @property
+    def first_delta(self) -> float | None:
+        """First guess of the approach, measured from the offset of the heights [m]; or None."""
 
-    total_ones: float
-    previous_wr: float = inf
-    unused_wr: float | None = None
+    @property
+    def evaluate(self) -> Callable[[int, float, float], tuple[Any, ...]]:
+        """Compiled loop `projection.evaluate`, or a method with its last three arguments and its return values."""
+
+    @property
+    def can_descend(self) -> bool:
+        """Whether the method in `descent` can solve the contact with this law."""
+
+    @property
+    def keeps_directions(self) -> bool:
+        """Whether the search directions remain conjugate until the sets change."""
+
+    def has_risen(self, previous: ActiveSets, energy: float, residual: float) -> bool:
+        """Return whether the last change of the sets has to be damped, because it did not lead nearer to the solution.
+
+        previous : sets before the change.
+        energy : energy after the change.
+        residual : residual before the change.
+        """
 
 
-class Gradients(NamedTuple):
-    """Result of several steps of conjugate gradients.
+class StraightLaw:
+    """Linear contact law, which is the same in all iterations."""
 
-    directions : scalars needed to continue the conjugate-gradient iteration after the last step.
-    steps : number of steps.
-    longest_step : largest permissible length c [Pa/m] of the next projection step, computed from the Rayleigh quotients
-        of the search directions.
-    """
+    first_delta = None
+    can_descend = True
+    keeps_directions = True
 
-    directions: Directions
-    steps: int
-    longest_step: float
+    def __init__(self, loops: Loops) -> None:
+        self.evaluate = loops.evaluate
+
+    def has_risen(self, previous: ActiveSets, energy: float, residual: float) -> bool:
+        """Return whether the energy has increased by more than a rounding error."""
+        return energy > previous.energy + _RISE * abs(previous.energy)
 
 
-class Tangents(Protocol):
-    """Tangents of a curved contact law at the present plastic deformation of each point.
+class _Solver(NamedTuple):
+    """What does not change during the iteration: work arrays of the grid, compiled loops, and contact law."""
 
-    Each evaluation of the contact gives new plastic deformations, and therefore new tangents.
-
-    delta : first guess of the approach, measured from the offset of the heights [m]; or None.
-    number : number of points whose tangent has a positive slope dH/du.
-    """
-
-    delta: float | None
-    number: int
-
-    def evaluate(self, n_near: int, c: float, delta: float) -> tuple[Any, ...]:
-        """Evaluate the contact like `projection.evaluate`, and set the tangent of each point."""
+    grid: Workspace
+    loops: Loops
+    law: LawOnGrid
 
 
 def solve_active_sets(
@@ -146,7 +158,7 @@ def solve_active_sets(
     problem: Problem,
     rtol: float,
     limit: int,
-    tangents: Tangents | None = None,
+    tangents: LawOnGrid | None = None,
 ) -> Solution:
     """Solve a contact problem, beginning with the pressure that is stored in the workspace.
 
@@ -160,234 +172,201 @@ def solve_active_sets(
         Target residual.
     limit : int
         Largest number of iterations.
-    tangents : Tangents, optional
-        Tangents of a curved law. If given, `tangents.evaluate` is called instead of `projection.evaluate`. It updates
-        the hardness and slope of each point in `problem`.
+    tangents : LawOnGrid, optional
+        Tangents of a curved law. They update the hardness and slope of each point in `problem`. By default, the law of
+        `problem` remains the same.
 
     Returns
     -------
     Solution
     """
     loops = grid.loops(problem)
-    first_delta = None
-    if tangents is not None:
-        loops = loops._replace(evaluate=tangents.evaluate)
-        first_delta = tangents.delta
-    c0 = grid.stiffness
-    step = c0
-    shortest_step = c0 / (4 * max(grid.half_space.shape))
-    lists, state = _first_evaluation(grid, loops, c0, first_delta)
+    law = StraightLaw(loops) if tangents is None else tangents
+    solver = _Solver(grid, loops, law)
+    sets, delta = _initial_sets(solver)
+    gradients = Gradients(step=grid.stiffness)
+    evaluation = Evaluation(delta, residual=inf, sets_change=True)
+    sets, evaluation = _evaluate(solver, sets, gradients, evaluation)
+    evaluation = evaluation._replace(sets_change=True)
     iterations = 0
     products = 1
-    damping = 1.0
-    energy = inf
-    changed_residual = inf
-    # whether v was computed from p by a product; steps of conjugate gradients only update v
-    is_fresh = True
-    directions = None
-    lists, state = _evaluate(grid, loops, lists, state, step, is_fresh)
-    state = state._replace(sets_change=True)
-    while not _is_solved(grid, problem, state, rtol, is_fresh, iterations):
-        is_converged = state.residual <= rtol
+    while not _is_solved(grid, problem, gradients, evaluation, rtol, iterations):
+        is_converged = evaluation.residual <= rtol
         if iterations >= limit and not is_converged:
             break
-        sets_repeat = iterations >= _MONOTONE_AFTER or damping < _MONOTONE_BELOW
-        if sets_repeat and not is_converged and tangents is None:
-            _change_sets(grid, loops, lists, step, state.delta, keep=True)
-            solution = descend(grid, problem, state.delta, rtol, limit - iterations)
-            return Solution(
-                solution.delta,
-                solution.residual,
-                iterations + solution.iterations,
-                products + 1 + solution.products,
-            )
+        sets_repeat = iterations >= _MONOTONE_AFTER or sets.damping < _MONOTONE_BELOW
+        if sets_repeat and not is_converged and law.can_descend:
+            _change_sets(solver, sets, gradients, evaluation, keep=True)
+            solution = descend(grid, problem, evaluation.delta, rtol, limit - iterations)
+            return solution.after(iterations, products + 1)
         iterations += 1
-        if state.sets_change or is_converged or lists.free < 2:
-            keep = iterations > 1
-            previous_energy = energy
-            previous_residual, changed_residual = changed_residual, state.residual
-            lists, energy = _change_sets(grid, loops, lists, step, state.delta, keep)
+        if evaluation.sets_change or is_converged or sets.n_free < 2:
+            sets = _change_sets(solver, sets, gradients, evaluation, keep=iterations > 1)
+            gradients = Gradients(gradients.step)
             products += 1
-            is_fresh = True
-            has_risen = energy > previous_energy + _RISE * abs(previous_energy)
-            if tangents is not None:
-                has_risen = changed_residual > _SLOW * previous_residual
-            if has_risen:
-                damping = max(damping / 2, _LEAST_DAMPING)
-            else:
-                damping = min(1.0, 1.25 * damping)
-            directions = None
         if is_converged:
-            step = c0  # the returned residual is defined with c₀
-        elif lists.free >= 2:
-            if tangents is not None and tangents.number > 0:
-                directions = None  # the directions were conjugate for other tangents
-            gradients = _conjugate_gradients(grid, loops, lists, state, directions)
-            directions = gradients.directions
-            products += gradients.steps
-            is_fresh = is_fresh and gradients.steps == 0
-            step = max(shortest_step, min(c0, damping * gradients.longest_step))
-        lists, state = _evaluate(grid, loops, lists, state, step, is_fresh)
-    return Solution(state.delta, state.residual, iterations, products)
+            gradients = Gradients(grid.stiffness)  # the returned residual is defined with c₀
+        elif sets.n_free >= 2:
+            gradients = _reduce_energy(solver, sets, gradients, evaluation)
+            products += gradients.products
+        sets, evaluation = _evaluate(solver, sets, gradients, evaluation)
+    return Solution(evaluation.delta, evaluation.residual, iterations, products)
 
 
 def _is_solved(
     grid: Workspace,
     problem: Problem,
-    state: Evaluation,
+    gradients: Gradients,
+    evaluation: Evaluation,
     rtol: float,
-    is_fresh: bool,
     iterations: int,
 ) -> bool:
     """Return whether the pressure is accepted as the solution.
 
     The pressure must carry the load, and its residual must be at most `rtol`. The residual must have been computed from
-    a product of K with the present pressure (`is_fresh`).
+    a product of K with the present pressure.
     """
-    if not (state.residual <= rtol and is_fresh):
+    if not (evaluation.residual <= rtol and gradients.is_fresh):
         return False
     if iterations > 0:
         return True  # the projection in the iteration has made the pressure carry the load
     # the initial pressure may carry another load
-    return abs(float(grid.arrays.p.sum()) - problem.load) <= _LOAD_RTOL * problem.load
+    return abs(float(grid.points.p.sum()) - problem.load) <= _LOAD_RTOL * problem.load
 
 
 class Product(NamedTuple):
-    """Results of a product of K with the pressure: sums over the grid points, and sizes of the point lists.
+    """Results of a product of K with the pressure, and of the search for points near contact.
 
-    lists : sizes of the lists, and the threshold used to make them.
+    n_near : number of points near contact.
+    n_free : number of free points.
     energy : energy of the pressure.
     load : sum Σ p of the pressures of all points [Pa].
     total_v : sum Σ v over the points near contact [m].
     """
 
-    lists: Lists
+    n_near: int
+    n_free: int
     energy: float
     load: float
     total_v: float
 
 
-def _multiply(grid: Workspace, loops: Loops, reach: float, margin: float) -> Product:
+def _multiply(solver: _Solver, reach: float) -> Product:
     """Compute v = Kp + h₁, and list the points near contact: points in contact, and points with v below `reach` [m]."""
+    grid, loops, _ = solver
     loops.respond()
-    n_rows = len(grid.arrays.v)
-    near, free, energy, load, total_v = loops.list_near(grid.compliance, 1.0, reach, 0, n_rows)
-    return Product(Lists(near, free, reach, margin), energy, load, total_v)
+    return Product(*loops.list_near(grid.compliance, 1.0, reach, 0, len(grid.points.v)))
 
 
-def _list_near(grid: Workspace, loops: Loops, reach: float, margin: float) -> Lists:
-    """List the points near contact again, with another threshold `reach` [m]. The values of v are not changed."""
-    n_rows = len(grid.arrays.v)
-    near, free, *_sums = loops.list_near(1.0, 0.0, reach, 0, n_rows)
-    return Lists(near, free, reach, margin)
+def _list_again(solver: _Solver, sets: ActiveSets, reach: float, margin: float) -> ActiveSets:
+    """List the points near contact with another threshold `reach` [m]. The values of v are not changed."""
+    grid, loops, _ = solver
+    n_near, n_free, *_sums = loops.list_near(1.0, 0.0, reach, 0, len(grid.points.v))
+    return sets._replace(n_near=n_near, n_free=n_free, reach=reach, margin=margin)
 
 
-def _first_evaluation(
-    grid: Workspace, loops: Loops, c: float, delta: float | None = None
-) -> tuple[Lists, Evaluation]:
-    """List the points near contact for the initial pressure.
+def _initial_sets(solver: _Solver) -> tuple[ActiveSets, float]:
+    """List the points near contact for the initial pressure; return the sets, and a first guess of the approach [m].
 
-    delta : first guess of the approach δ [m]; by default, the mean of v over the points in contact.
+    The first guess is the mean of v over the points in contact, unless the contact law supplies one.
     """
-    product = _multiply(grid, loops, reach=-inf, margin=0.0)  # lists the points in contact only
+    product = _multiply(solver, reach=-inf)  # lists the points in contact only
     # with a very small load there may be no point in contact on a coarse grid
-    n_contact = max(product.lists.near, 1)
+    n_contact = max(product.n_near, 1)
+    delta = solver.law.first_delta
     if delta is None:
         delta = product.total_v / n_contact
-    # half of the mean pressure in the contact, converted to a length by the step length c
-    margin = 0.5 * product.load / (n_contact * c)
-    lists = _list_near(grid, loops, delta + margin, margin)
-    return lists, Evaluation(delta, residual=inf, sets_change=True)
+    # half of the mean pressure in the contact, converted to a length by the stiffness c₀
+    margin = 0.5 * product.load / (n_contact * solver.grid.stiffness)
+    sets = ActiveSets(product.n_near, product.n_free, reach=-inf, margin=margin)
+    return _list_again(solver, sets, delta + margin, margin), delta
+
+
+def _change_sets(
+    solver: _Solver, sets: ActiveSets, gradients: Gradients, evaluation: Evaluation, keep: bool
+) -> ActiveSets:
+    """Change the active sets: set the pressure p to the projection y, and compute v from the new pressure.
+
+    keep : whether a free point keeps its pressure if it remains elastic or continues to harden.
+    """
+    delta = evaluation.delta
+    solver.loops.project(sets.n_near, sets.n_free, gradients.step, delta, keep)
+    reach = delta + sets.margin
+    product = _multiply(solver, reach)
+    if solver.law.has_risen(sets, product.energy, evaluation.residual):
+        damping = max(sets.damping / 2, _LEAST_DAMPING)
+    else:
+        damping = min(1.0, 1.25 * sets.damping)
+    return ActiveSets(
+        product.n_near,
+        product.n_free,
+        reach,
+        sets.margin,
+        product.energy,
+        evaluation.residual,
+        damping,
+    )
+
+
+def _reduce_energy(
+    solver: _Solver, sets: ActiveSets, gradients: Gradients, evaluation: Evaluation
+) -> Gradients:
+    """Perform a few steps of conjugate gradients, and choose the length of the next projection step.
+
+    The longest permissible projection step is twice the smallest Rayleigh quotient d·d/(d·Kd) of the directions.
+    """
+    grid, loops, law = solver
+    longest_axis = max(grid.half_space.shape)
+    if longest_axis >= _LONG:
+        limits = _LONG_STEPS
+    else:
+        limits = _AFTER_CHANGE if evaluation.sets_change else _WITHOUT_CHANGE
+    directions = gradients.directions if law.keeps_directions else None
+    result = conjugate_gradients(
+        loops, sets.n_near, sets.n_free, evaluation.delta, limits, directions
+    )
+    c0 = grid.stiffness
+    step = min(c0, sets.damping * 2.0 * result.least_stiffness)
+    return Gradients(
+        step=max(c0 / (4 * longest_axis), step),
+        directions=result.directions,
+        is_fresh=gradients.is_fresh and result.steps == 0,
+        products=result.steps,
+    )
 
 
 def _evaluate(
-    grid: Workspace, loops: Loops, lists: Lists, previous: Evaluation, c: float, is_fresh: bool
-) -> tuple[Lists, Evaluation]:
-    """Compute δ and the residual for the step length c [Pa/m], and decide whether the active sets should be changed.
+    solver: _Solver, sets: ActiveSets, gradients: Gradients, previous: Evaluation
+) -> tuple[ActiveSets, Evaluation]:
+    """Compute δ and the residual, and decide whether the active sets should be changed.
 
     Only the listed points near contact are considered: at all other points, v was above `reach` when the list was made.
     If δ exceeds `reach`, a new list is made, provided that v is accurate at all points (`is_fresh`). Conjugate-gradient
     steps update v only at the listed points. After such a step, no new list is therefore made until K is next
     multiplied by the pressure.
     """
+    c = gradients.step
     delta = previous.delta
     while True:
         # r2 and y2 are ‖p − y‖² and ‖y‖². `changed_r2` is ‖p − y‖² of the `n_changed` points whose state would change.
-        delta, can_carry, r2, y2, n_changed, changed_r2 = loops.evaluate(lists.near, c, delta)
-        is_complete = can_carry and delta <= lists.reach
-        lists_all_points = lists.reach == inf
-        if is_complete or lists_all_points or not is_fresh:
+        delta, can_carry, r2, y2, n_changed, changed_r2 = solver.law.evaluate(sets.n_near, c, delta)
+        is_complete = can_carry and delta <= sets.reach
+        lists_all_points = sets.reach == inf
+        if is_complete or lists_all_points or not gradients.is_fresh:
             break
         # list more points: the margin grows at least by a factor of 4, so that few new lists are needed
-        margin = max(4.0 * lists.margin, delta - lists.reach)
+        margin = max(4.0 * sets.margin, delta - sets.reach)
         reach = delta + margin
         if not (can_carry and reach < inf):
             # the listed points cannot carry the load, or `reach` is NaN: list all points
             reach = inf
-        lists = _list_near(grid, loops, reach, margin)
+        sets = _list_again(solver, sets, reach, margin)
     if y2 > 0.0:
         relative_difference = sqrt(r2 / y2)
     else:
         relative_difference = inf if r2 > 0.0 else 0.0
     # approximately the residual for the step length c₀
-    residual = relative_difference * (grid.stiffness / c)
+    residual = relative_difference * (solver.grid.stiffness / c)
     is_slow = residual > 0.5 * previous.residual
     needs_change = changed_r2 > _FRACTION * r2 or is_slow
-    return lists, Evaluation(delta, residual, sets_change=n_changed > 0 and needs_change)
-
-
-def _change_sets(
-    grid: Workspace, loops: Loops, lists: Lists, c: float, delta: float, keep: bool
-) -> tuple[Lists, float]:
-    """Change the active sets: set the pressure p to the projection y, and compute v from the new pressure.
-
-    keep : whether a free point keeps its pressure if it remains elastic or continues to harden.
-
-    Returns how many points the new lists contain, and the energy of the new pressure.
-    """
-    loops.project(lists.near, lists.free, c, delta, keep)
-    product = _multiply(grid, loops, delta + lists.margin, lists.margin)
-    return product.lists, product.energy
-
-
-def _conjugate_gradients(
-    grid: Workspace,
-    loops: Loops,
-    lists: Lists,
-    state: Evaluation,
-    directions: Directions | None,
-) -> Gradients:
-    """Perform a few steps of conjugate gradients on the free points.
-
-    directions : scalars needed to continue an earlier conjugate-gradient iteration; None to restart it, because the
-        free points have changed.
-    """
-    is_long = max(grid.half_space.shape) >= _LONG
-    limits = _LONG_STEPS if is_long else _STEPS
-    most_steps = limits.after_change if state.sets_change else limits.without_change
-    if directions is None:
-        directions = Directions(loops.restart(lists.free, state.delta))
-    total_ones, previous_wr, wr = directions
-    first_wr = inf  # w·r of the first direction
-    smallest_stiffness = inf  # smallest d·d/(d·Kd) of all directions d [Pa/m]
-    steps = 0
-    while steps < most_steps:
-        if wr is None:
-            wr = loops.next_direction(lists.free, previous_wr, total_ones)
-        if steps == 0:
-            first_wr = wr
-            # if the residual on the free points is only a rounding error, only a change of the sets can help
-            if not first_wr > _FLAT * state.delta**2 * total_ones:
-                break
-        if not (wr > 0.0 and wr >= limits.drop * first_wr):
-            break
-        loops.search()  # computes Kd
-        curvature, squared_length, is_made = loops.step(lists.near, lists.free, wr)
-        steps += 1
-        previous_wr = wr if is_made else inf
-        wr = None
-        if not is_made:
-            break
-        if curvature > 0.0:
-            smallest_stiffness = min(smallest_stiffness, squared_length / curvature)
-    return Gradients(Directions(total_ones, previous_wr, wr), steps, 2.0 * smallest_stiffness)
+    return sets, Evaluation(delta, residual, sets_change=n_changed > 0 and needs_change)

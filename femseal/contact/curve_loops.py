@@ -15,6 +15,8 @@ only used from a depth b > 0 on. The solver adds b to h₁ and v of the point, a
 u − b.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from .projection import exact, exact_loop, value_at
@@ -31,16 +33,54 @@ _CLOSE, _STEPS = 1e-7, 60
 FIRST, TANGENT, END, HORIZONTAL = 0, 1, 2, 3
 
 
-@exact
-def deformation_at(z, c, depth, levels, coefficients):
-    """Solve H(w) + c w = z for the deformation w by Newton's method within a bracket.
+class ShiftedCurve(NamedTuple):
+    """Contact law H(u + u₀) − p_f of all points: the cubic pieces of the curve H(w), and u₀ and p_f of the points.
 
     depth : deformation w at the beginning of each cubic piece of the curve [m].
     levels : H(w) + c w at the beginning of each cubic piece [Pa].
     coefficients : coefficients of each cubic piece, see `CurvePieces`.
+    has_end : whether the last piece of the curve is constant.
+    constant_depth : depth [m] up to which H(w) is constant.
+    earlier : earlier plastic deformation u₀ [m], with one value for all points (1,) or one for each point (n,).
+    fluid : fluid pressure p_f [Pa], with one value for all points (1,) or one for each point (n,).
+    first_hardness : hardness H(u₀) − p_f [Pa], (1,) or (n,).
+    """
+
+    depth: Any
+    levels: Any
+    coefficients: Any
+    has_end: Any
+    constant_depth: Any
+    earlier: Any
+    fluid: Any
+    first_hardness: Any
+
+
+class CurveLines(NamedTuple):
+    """Line that replaces the curve of each point, as arrays (n,).
+
+    kind : kind of the line: FIRST, TANGENT, END or HORIZONTAL.
+    hardness, slope : hardness [Pa] and hardening modulus [Pa/m] of the line.
+    begins : depth b [m] from which the tangent applies.
+    gap0 : undeformed gap h₁ + b [m].
+    """
+
+    kind: Any
+    hardness: Any
+    slope: Any
+    begins: Any
+    gap0: Any
+
+
+@exact
+def deformation_at(z, c, curve):
+    """Solve H(w) + c w = z for the deformation w by Newton's method within a bracket.
 
     Returns the deformation w, the hardness H(w) and the slope dH/dw.
     """
+    depth = curve.depth
+    levels = curve.levels
+    coefficients = curve.coefficients
     # bisection: the last piece with `levels` <= z contains the solution
     piece = 0
     end = depth.size
@@ -82,26 +122,12 @@ def deformation_at(z, c, depth, levels, coefficients):
 
 
 @exact_loop
-def follow_curve(
-    first, end, c, delta, state, near, near_p, near_v, trial, v, columns, earlier, fluid, first_hardness,
-    constant_depth, depth, levels, coefficients, has_end, kind, hardness, slope, begins, gap0,
-):  # fmt: skip
+def follow_curve(first, end, c, delta, points, near, curve, lines):
     """Project the trial pressures of some points near contact, compare p with the projections y, and set the tangents.
 
-    The module `projection` describes the arrays `state`, `near`, `near_p`, `near_v`, `trial` and `v`. The other
-    arguments are:
-
-    columns : number of columns of the grid.
-    earlier : earlier plastic deformation u₀ [m], with one value for all points (1,) or one for each point (n,).
-    fluid : fluid pressure p_f [Pa], with one value for all points (1,) or one for each point (n,).
-    first_hardness : hardness H(u₀) − p_f [Pa], (1,) or (n,).
-    constant_depth : depth [m] up to which H(w) is constant.
-    depth, levels, coefficients : cubic pieces of the curve, see `deformation_at`.
-    has_end : whether the last piece of the curve is constant.
-    kind : which line replaces the curve of each point (n,): FIRST, TANGENT, END or HORIZONTAL; updated.
-    hardness, slope : hardness [Pa] and hardening modulus [Pa/m] of the line that replaces the curve, (n,); updated.
-    begins : depth b [m] from which the tangent of each point applies (n,); updated.
-    gap0 : undeformed gap h₁ + b [m] of each point (n,); updated.
+    points, near : groups of arrays, see `point_arrays`.
+    curve : ShiftedCurve of the contact law.
+    lines : CurveLines, which the function updates.
 
     Returns
     -------
@@ -114,19 +140,23 @@ def follow_curve(
     changed_r2 : sum of (p − y)² over the points counted in `changed`; infinite if a point that has been hardening would
         stop hardening.
     """
-    listed = near[first:end]
-    p = near_p[first:end]
-    displacement = v.ravel()
-    unused = v.shape[1] - columns  # unused values at the end of each row of v
+    index = near.index[first:end]
+    p = near.p[first:end]
+    v = near.v[first:end]
+    trial = near.trial[first:end]
+    state = points.state
+    v_of_grid = points.v.ravel()
+    columns = state.size // points.v.shape[0]
+    unused = points.v.shape[1] - columns  # unused values at the end of each row of v
     shift = c * delta
-    is_uniform = first_hardness.size + earlier.size + fluid.size == 3
-    H = first_hardness[0]
-    u0 = earlier[0]
-    pf = fluid[0]
+    is_uniform = curve.first_hardness.size + curve.earlier.size + curve.fluid.size == 3
+    H = curve.first_hardness[0]
+    u0 = curve.earlier[0]
+    pf = curve.fluid[0]
     # trial pressure up to which the point remains within the part of the curve with constant hardness
-    threshold = H + c * max(constant_depth - u0, 0.0)
-    end_hardness = coefficients[levels.size - 1, 0]
-    end_level = levels[levels.size - 1]
+    threshold = H + c * max(curve.constant_depth - u0, 0.0)
+    end_hardness = curve.coefficients[curve.levels.size - 1, 0]
+    end_level = curve.levels[curve.levels.size - 1]
     total = 0.0
     slopes = 0.0
     n_tangents = 0
@@ -135,17 +165,17 @@ def follow_curve(
     changed = 0
     changed_r2 = 0.0
     for j in range(end - first):
-        i = listed[j]
-        former_kind = kind[i]
-        former_begin = begins[i] if former_kind == TANGENT else 0.0
+        i = index[j]
+        former_kind = lines.kind[i]
+        former_begin = lines.begins[i] if former_kind == TANGENT else 0.0
         # trial pressure; v of a point with a tangent has been increased by b, which is subtracted here
-        x = p[j] - c * (near_v[first + j] - former_begin)
+        x = p[j] - c * (v[j] - former_begin)
         z = x + shift
         if not is_uniform:
-            H = value_at(first_hardness, i)
-            u0 = value_at(earlier, i)
-            pf = value_at(fluid, i)
-            threshold = H + c * max(constant_depth - u0, 0.0)
+            H = value_at(curve.first_hardness, i)
+            u0 = value_at(curve.earlier, i)
+            pf = value_at(curve.fluid, i)
+            threshold = H + c * max(curve.constant_depth - u0, 0.0)
         # projection on the constant hardness, and state of the point: 0 out of contact, 1 elastic, 2 plastic
         y = min(max(z, 0.0), H)
         s = (z > 0.0) + (z >= H)
@@ -155,11 +185,11 @@ def follow_curve(
             new_kind = FIRST
             if z > threshold:
                 level = z + pf + c * u0  # right side of the equation for w
-                if has_end and level >= end_level:
+                if curve.has_end and level >= end_level:
                     new_kind = END
                     y = end_hardness - pf
                 else:
-                    w, y, h = deformation_at(level, c, depth, levels, coefficients)
+                    w, y, h = deformation_at(level, c, curve)
                     y -= pf
                     if h < _FLAT * c:
                         new_kind = HORIZONTAL
@@ -171,17 +201,17 @@ def follow_curve(
                         slopes += h / (h + c)
                         # the tangent begins where its pressure `y_begin` is by `FROM_DEPTH` lower than y, or at u = 0
                         begin = max(w - u0 - FROM_DEPTH * y / h, 0.0)
-                        begins[i] = begin
+                        lines.begins[i] = begin
                         y_begin = y - h * (w - u0 - begin)
-            hardness[i] = y_begin if new_kind == TANGENT else (H if new_kind == FIRST else y)
-            slope[i] = h
-            kind[i] = new_kind
+            lines.hardness[i] = y_begin if new_kind == TANGENT else (H if new_kind == FIRST else y)
+            lines.slope[i] = h
+            lines.kind[i] = new_kind
             if begin != former_begin:  # the gap and v of the point are increased by b
-                near_v[first + j] += begin - former_begin
-                gap0[i] += begin - former_begin
-                displacement[i + i // columns * unused] += begin - former_begin
+                v[j] += begin - former_begin
+                lines.gap0[i] += begin - former_begin
+                v_of_grid[i + i // columns * unused] += begin - former_begin
             x -= c * begin
-        trial[first + j] = x
+        trial[j] = x
         slopes += s == 1  # dy/dz is 1 at an elastic point
         total += y
         difference = y - p[j]

@@ -27,9 +27,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..base import Array, NotConverged
-from .active_sets import solve_active_sets
+from .active_sets import ActiveSets, solve_active_sets
 from .contact_fields import Contact
-from .curve_loops import FIRST, TANGENT, follow_curve
+from .curve_loops import FIRST, TANGENT, CurveLines, ShiftedCurve, follow_curve
 from .curve_pieces import CurvePieces
 from .descent import Solution
 from .law import ContactLaw, YieldLine
@@ -42,6 +42,7 @@ from .nested_grids import (
     make_contact,
     solve_straight_law,
 )
+from .point_arrays import LinearLaw
 from .tangent_sequence import solve_by_tangents
 from .workspace import Problem, Workspace, coarsened, workspace
 
@@ -54,6 +55,9 @@ _STEEPEST_FALL = 0.4
 #: value, the curve is used on the next finer grid. The error is computed for the plastic deformation on the coarse grid
 #: divided by the second value, because asperities yield deeper on a finer grid.
 _COARSE_ERROR, _COARSE_DEPTH = 1e-3, 0.6
+#: The damping is reduced if the residual has become larger than this fraction of its value at the previous change of
+#: the sets.
+_SLOW = 0.9
 #: Largest number of steps of Newton's method for the approach.
 _APPROACH_STEPS = 80
 #: The approach is accurate enough if the relative error of the load is at most the first value times the residual, and
@@ -126,7 +130,7 @@ def solve_curved_law(law: ContactLaw, level: Level, rtol: float) -> Contact:
     NotConverged
         After the largest number of iterations, the pressures and plastic deformations still do not agree with the law.
     """
-    if level.load == 0:
+    if level.mean_pressure == 0:
         return solve_straight_law(level, rtol)
     curve = _Curve.of(law)
     stiffness = level.half_space.stiffness
@@ -185,13 +189,13 @@ def _start_from_coarser_grids(curve: _Curve, level: Level, offset: float) -> _St
     levels = [(level, curve)]
     while max(levels[-1][0].half_space.shape) > COARSEST:
         finer, finer_curve = levels[-1]
-        coarser = finer.coarser()._replace(load=level.load)
+        coarser = finer.coarser()._replace(mean_pressure=level.mean_pressure)
         levels.append((coarser, finer_curve.coarser()))
     # the solution on each grid gives first guesses of pressure and approach on the next finer grid
     pressure = levels[-1][0].first_guess()
     delta = None
     least_capacity = min(problem.line.capacity for problem, _ in levels)
-    needs_curve = level.load >= least_capacity * (1 - 1e-9)
+    needs_curve = level.mean_pressure >= least_capacity * (1 - 1e-9)
     while len(levels) > 1:
         coarse, coarse_curve = levels.pop()
         grid = workspace(coarse.half_space, level.half_space)
@@ -247,6 +251,9 @@ def _error_of_line(curve: _Curve, line: YieldLine, pressure: Array, overlap: Arr
 class CurveTangents:
     """Tangents of the curved contact law at the present plastic deformation of each point, for `solve_active_sets`.
 
+    This is an implementation of `active_sets.LawOnGrid`. Each evaluation of the contact gives new plastic deformations,
+    and therefore new tangents.
+
     Parameters
     ----------
     curve : _Curve
@@ -259,7 +266,7 @@ class CurveTangents:
         Height that is subtracted from the gap and from the approach [m].
     start : array (n1, n2)
         First guess of the pressure [Pa], on the grid or on the next coarser grid.
-    delta : float, optional
+    first_delta : float, optional
         First guess of the approach minus the offset [m].
 
     Attributes
@@ -268,6 +275,9 @@ class CurveTangents:
         Number of points near contact whose tangent has a positive slope.
     """
 
+    #: `descent` needs a law that remains the same.
+    can_descend = False
+
     def __init__(
         self,
         curve: _Curve,
@@ -275,48 +285,63 @@ class CurveTangents:
         level: Level,
         offset: float,
         start: Array,
-        delta: float | None,
+        first_delta: float | None,
     ) -> None:
         grid.start(start, np.array([inf]))
         n = grid.pressure.size
         self.grid = grid
         self.level = level
         self.offset = offset
-        self.delta = delta
+        self.first_delta = first_delta
         self.number = 0
-        self._load = level.load * n  # sum of the pressures of all points [Pa]
-        # cubic pieces of the curve H(w), and H(w) + c w at the beginning of each piece for the stiffness c
-        self._pieces = curve.pieces
-        self._stiffness = 0.0
-        self._levels = np.empty(0)
-        # the line of each point, (n,): its kind, the depth at which a tangent begins, hardness and slope
-        self._kind = np.full(n, FIRST, np.int8)
-        self._begins = np.empty(n)
-        self._hardness = np.empty(n)
-        self._slope = np.zeros(n)
-        # undeformed gap of each point, plus the depth at which its tangent begins
-        self._gap0 = level.gap0.ravel().copy()
+        self._load = level.mean_pressure * n  # sum of the pressures of all points [Pa]
         first_hardness = (curve.pieces.hardness(curve.earlier) - curve.fluid).ravel()
-        self._hardness[:] = first_hardness
-        # parameters of the law of each point, in the order in which `follow_curve` needs them
-        self._law = (
-            curve.earlier.ravel(),
-            curve.fluid.ravel(),
-            first_hardness,
-            curve.constant_depth,
+        self._pieces = curve.pieces
+        # `levels` depend on the step length c; they are computed when c is known
+        self._stiffness = 0.0
+        self._curve = ShiftedCurve(
+            depth=curve.pieces.depth,
+            levels=np.empty(0),
+            coefficients=curve.pieces.coefficients,
+            has_end=curve.pieces.has_constant_end,
+            constant_depth=curve.constant_depth,
+            earlier=curve.earlier.ravel(),
+            fluid=curve.fluid.ravel(),
+            first_hardness=first_hardness,
         )
+        self._lines = CurveLines(
+            kind=np.full(n, FIRST, np.int8),
+            hardness=np.empty(n),
+            slope=np.zeros(n),
+            begins=np.empty(n),
+            gap0=level.gap0.ravel().copy(),
+        )
+        self._lines.hardness[:] = first_hardness
         deepest_start = curve.constant_depth if isfinite(curve.constant_depth) else 0.0
         self._first_step = max(deepest_start, _FIRST_STEP)
 
     def solve(self, rtol: float, limit: int) -> Solution:
         """Solve the contact on the grid with `solve_active_sets`, which calls `evaluate` to update the tangents."""
-        problem = Problem(self._gap0, self.offset, self._hardness, self._slope, self._load)
+        law = LinearLaw(self._lines.hardness, self._lines.slope)
+        problem = Problem(self._lines.gap0, self.offset, law, self._load)
         solution = solve_active_sets(self.grid, problem, rtol, limit, self)
         # The gap of a point with a tangent is increased by the depth at which the tangent begins. If such a point is no
         # longer near contact, its gap remains wrong, and the solution is not valid.
-        if np.count_nonzero(self._kind == TANGENT) != self.number:
+        if np.count_nonzero(self._lines.kind == TANGENT) != self.number:
             return solution._replace(residual=inf)
         return solution
+
+    @property
+    def keeps_directions(self) -> bool:
+        """Whether no tangent has a positive slope, so that the compliances of the points have not changed."""
+        return self.number == 0
+
+    def has_risen(self, previous: ActiveSets, energy: float, residual: float) -> bool:
+        """Return whether the residual has hardly fallen since the previous change of the sets.
+
+        Energies with different tangents cannot be compared.
+        """
+        return residual > _SLOW * previous.residual
 
     def evaluate(
         self, n_near: int, c: float, delta: float
@@ -363,30 +388,25 @@ class CurveTangents:
 
     def _follow(self, n_near: int, c: float, delta: float) -> tuple[Any, ...]:
         """Call `follow_curve` for an approach `delta` [m] and a step length c [Pa/m]."""
-        pieces = self._pieces
         if c != self._stiffness:
             self._stiffness = c
-            levels = pieces.coefficients[:, 0] + c * pieces.depth
+            levels = self._pieces.coefficients[:, 0] + c * self._pieces.depth
             # on coarse grids, the curve may fall more steeply than the half-space is stiff
-            self._levels = np.maximum.accumulate(levels)
-        arrays = self.grid.arrays
-        points = arrays.state, arrays.near, arrays.near_p, arrays.near_v, arrays.trial, arrays.v
-        columns = self.grid.pressure.shape[1]
-        curve = pieces.depth, self._levels, pieces.coefficients, pieces.has_constant_end
-        lines = self._kind, self._hardness, self._slope, self._begins, self._gap0
-        return follow_curve(n_near, c, delta, *points, columns, *self._law, *curve, *lines)
+            self._curve = self._curve._replace(levels=np.maximum.accumulate(levels))
+        grid = self.grid
+        return follow_curve(n_near, c, delta, grid.points, grid.near, self._curve, self._lines)
 
     def contact(self, solution: Solution) -> Contact:
         """Make a `Contact` from the pressure and the tangents of the solution."""
         shape = self.grid.pressure.shape
-        has_tangent = self._kind == TANGENT
+        lines = self._lines
+        has_tangent = lines.kind == TANGENT
         # all points on the curved part yield, even if a rounding error makes their pressure less than their hardness
-        is_horizontal = ~has_tangent & (self._kind != FIRST)
-        np.minimum(
-            self._hardness, self.grid.pressure.ravel(), out=self._hardness, where=is_horizontal
-        )
-        line = YieldLine(self._hardness.reshape(shape), self._slope.reshape(shape))
+        is_horizontal = ~has_tangent & (lines.kind != FIRST)
+        pressure = self.grid.pressure.ravel()
+        np.minimum(lines.hardness, pressure, out=lines.hardness, where=is_horizontal)
+        line = YieldLine(lines.hardness.reshape(shape), lines.slope.reshape(shape))
         contact = make_contact(self.level._replace(line=line), self.grid, self.offset, solution)
-        begins = np.where(has_tangent, self._begins, 0.0).reshape(shape)
+        begins = np.where(has_tangent, lines.begins, 0.0).reshape(shape)
         np.add(contact.plastic_deformation, begins, out=contact.plastic_deformation)
         return contact

@@ -14,17 +14,14 @@ Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Birgin, Martínez & Raydan
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..base import Array
-from .gradient_steps import apply_stencil
+from ..base import Array, Indices
+from .conjugate_gradients import StepLimits, conjugate_gradients
 from .projection import find_approach
-from .workspace import Problem, Workspace
+from .workspace import Loops, Problem, Workspace
 
-#: Largest number of steps of conjugate gradients in an iteration.
-_STEPS = 25
-#: Fraction of the initial w·r at which the steps of conjugate gradients end.
-_DROP = 1e-3
+#: Limits of the conjugate-gradient steps in an iteration.
+_STEPS = StepLimits(25, 1e-3)
 #: Number of halvings of the range in which a uniform pressure is sought that restores the load.
 _HALVINGS = 60
 
@@ -42,6 +39,12 @@ class Solution(NamedTuple):
     residual: float
     iterations: int
     products: int
+
+    def after(self, iterations: int, products: int) -> "Solution":
+        """Add the numbers of iterations and products that had been necessary before."""
+        return self._replace(
+            iterations=iterations + self.iterations, products=products + self.products
+        )
 
 
 class _Law(NamedTuple):
@@ -83,10 +86,11 @@ def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit:
     -------
     Solution
     """
-    p = grid.arrays.p
+    p = grid.points.p
+    loops = grid.loops(problem)
     c0 = grid.stiffness
-    slope = np.broadcast_to(problem.slope, p.shape)
-    hardness = np.broadcast_to(problem.hardness, p.shape)
+    slope = np.broadcast_to(problem.law.slope, p.shape)
+    hardness = np.broadcast_to(problem.law.hardness, p.shape)
     law = _Law(
         hardness=hardness,
         slope=slope,
@@ -110,7 +114,7 @@ def descend(grid: Workspace, problem: Problem, delta: float, rtol: float, limit:
             return Solution(delta, residual, iterations, products)
         iterations += 1
         c = _gradient_step(grid, p, v, c, delta, problem, law)
-        products += 1 + _free_point_step(grid, p, v, delta, law)
+        products += 1 + _free_point_step(grid, loops, p, v, delta, law)
 
 
 def _project(
@@ -143,9 +147,7 @@ def _project(
     x = p - c * v
     all_points = np.arange(p.size, dtype=np.int32)
     # c is both the step length of the projection and the factor of δ
-    delta, _ = find_approach(
-        x, x.size, problem.hardness, problem.slope, c, all_points, c, problem.load, delta
-    )
+    delta, _ = find_approach(x, x.size, problem.law, c, all_points, c, problem.load, delta)
     z = x + c * delta  # trial pressure
     above_hardness = np.maximum(z - law.hardness, 0.0)
     t = law.slope / (law.slope + c)
@@ -187,7 +189,9 @@ def _move(grid: Workspace, p: Array, v: Array, d: Array, delta: float, law: _Law
     return curvature
 
 
-def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _Law) -> int:
+def _free_point_step(
+    grid: Workspace, loops: Loops, p: Array, v: Array, delta: float, law: _Law
+) -> int:
     """Change the pressures of the free points so that the energy falls; return the number of products with K.
 
     Conjugate gradients yield a target pressure, ignoring the bounds. This target is projected onto the pressures that
@@ -195,12 +199,20 @@ def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _La
     direction, p is moved towards the original target instead, until a point reaches one of its bounds. p and v (n,) are
     updated.
     """
-    free, low, high, compliance = _free_points(p, law)
-    if free.size < 2:
+    yields = (p > law.hardness) & (law.slope > 0)
+    is_elastic = (p > 0) & (p < law.hardness)
+    n_free = _list_free_points(grid, loops, v, is_elastic, yields)
+    if n_free < 2:
         return 0
-    step, response, products = _conjugate_gradients(grid, p, v, delta, law, free, compliance)
+    products = conjugate_gradients(loops, p.size, n_free, delta, _STEPS).steps
     if products == 0:
         return 0
+    free: Indices = grid.free.index[:n_free]
+    # bounds of the pressure: 0 and H for an elastic point, H and infinity for a point that hardens
+    low = np.where(yields, law.hardness, 0.0)[free]
+    high = np.where(yields, np.inf, law.hardness)[free]
+    step = grid.near.p[free] - p[free]  # all points are listed as near contact
+    response = grid.near.v - v
     d = np.zeros(p.size)
     d[free] = _within_bounds(p[free] + step, low, high, float(p[free].sum())) - p[free]
     if _move(grid, p, v, d, delta, law) > 0:
@@ -219,86 +231,18 @@ def _free_point_step(grid: Workspace, p: Array, v: Array, delta: float, law: _La
     return products + 1
 
 
-class _FreePoints(NamedTuple):
-    """Free points, whose pressure is unknown, as arrays (free points,).
+def _list_free_points(
+    grid: Workspace, loops: Loops, v: Array, is_elastic: Array, yields: Array
+) -> int:
+    """List all points as near contact, and those that are elastic or harden as free; return the number of free points.
 
-    points : index of each point on the grid.
-    low, high : bounds of the pressure [Pa]: 0 and H for an elastic point, H and infinity for a point that hardens.
-    compliance : compliance [m/Pa]: 1/h for a point that hardens, 0 for an elastic point.
+    v : displacement plus undeformed gap [m], (n,).
     """
-
-    points: NDArray[np.int32]
-    low: Array
-    high: Array
-    compliance: Array
-
-
-def _free_points(p: Array, law: _Law) -> _FreePoints:
-    """Find the free points: the points that are elastic or harden, and whose pressure is therefore unknown."""
-    yields = (p > law.hardness) & (law.slope > 0)
-    is_elastic = (p > 0) & (p < law.hardness)
-    free = np.flatnonzero(is_elastic | yields).astype(np.int32)
-    return _FreePoints(
-        points=free,
-        low=np.where(yields, law.hardness, 0.0)[free],
-        high=np.where(yields, np.inf, law.hardness)[free],
-        compliance=np.where(yields, law.compliance, 0.0)[free],
-    )
-
-
-def _conjugate_gradients(
-    grid: Workspace,
-    p: Array,
-    v: Array,
-    delta: float,
-    law: _Law,
-    free: NDArray[np.int32],
-    hardening_compliance: Array,
-) -> tuple[Array, Array, int]:
-    """Minimise the energy with respect to the pressures of the free points, without bounds and at a constant load.
-
-    The residual of a free point is r = δ − v − a (p − H), with the compliance a = 1/h of a point that hardens, and
-    a = 0 for an elastic point. The preconditioned residual w = M r − λ M1 has the sum 0, so that the load remains
-    constant. The search direction is d = w + β d with β = w·r/(w·r of the previous step).
-
-    Returns
-    -------
-    step : array (free points,), change of the pressure [Pa].
-    response : array (n,), displacement under the step [m].
-    products : number of products of K with a pressure.
-    """
-    # the largest weight of the stencil is the middle one
-    scale = 1.0 / np.sqrt(1.0 + hardening_compliance * grid.weights.max())
-    ones = _preconditioned(grid, free, np.ones(free.size), scale)  # M1
-    step = np.zeros(free.size)  # change of the pressure, (free points,)
-    total_response = np.zeros(p.size)  # displacement under this change, (n,)
-    d = np.zeros(free.size)
-    dense = np.zeros(p.size)  # d at the free points, 0 at all other points
-    r = delta - v[free] - hardening_compliance * np.maximum(p[free] - law.hardness[free], 0.0)
-    first_wr = 0.0  # w·r of the first direction
-    previous_wr = np.inf  # w·r of the previous direction; there is none at first
-    for products in range(_STEPS):
-        r -= r.mean()
-        w = _preconditioned(grid, free, r, scale)
-        w -= w.sum() / ones.sum() * ones  # so that Σ w = 0
-        wr = float(w @ r)
-        if products == 0:
-            first_wr = wr
-        lowest_wr = _DROP * first_wr if products > 0 else 0.0
-        if not wr > lowest_wr:
-            return step, total_response, products
-        d = w + wr / previous_wr * d
-        dense[free] = d
-        response = grid.response(dense)
-        curvature = float(d @ response[free] + d @ (hardening_compliance * d))
-        if not curvature > 0:
-            return step, total_response, products
-        length = wr / curvature
-        step += length * d
-        total_response += length * response
-        r -= length * (response[free] + hardening_compliance * d)
-        previous_wr = wr
-    return step, total_response, _STEPS
+    grid.points.dense[:] = 0
+    grid.points.state[:] = is_elastic + 3 * yields
+    grid.arrays.respond.displacement[:] = v.reshape(grid.pressure.shape)
+    _n_near, n_free, *_sums = loops.list_near(1.0, 0.0, np.inf, 0, len(grid.points.v))
+    return int(n_free)
 
 
 def _within_bounds(target: Array, low: Array, high: Array, load: float) -> Array:
@@ -317,13 +261,3 @@ def _within_bounds(target: Array, low: Array, high: Array, load: float) -> Array
         else:
             upper = shift
     return np.clip(target + (lower + upper) / 2, low, high)
-
-
-def _preconditioned(grid: Workspace, free: NDArray[np.int32], values: Array, scale: Array) -> Array:
-    """Apply the scaled preconditioner s M s to values at the free points; s = 1 at points that do not harden."""
-    out = np.empty(free.size)
-    dense = grid.arrays.dense
-    dense[:] = 0
-    dense[free] = values * scale
-    apply_stencil(free, dense, out, grid.weights, grid.arrays.rows, grid.arrays.columns)
-    return out * scale

@@ -17,6 +17,7 @@ from .contact_fields import Contact
 from .descent import Solution
 from .half_space import HalfSpace
 from .law import YieldLine
+from .point_arrays import LinearLaw
 from .projection import gap_and_deformation
 from .workspace import Problem, Workspace, coarsened, workspace
 
@@ -38,13 +39,13 @@ class Level(NamedTuple):
     gap0 : array (n1, n2), undeformed gap [m].
     half_space : half-space on the grid of the problem.
     line : linear contact law.
-    load : nominal pressure [Pa].
+    mean_pressure : nominal pressure [Pa].
     """
 
     gap0: Array
     half_space: HalfSpace
     line: YieldLine
-    load: float
+    mean_pressure: float
 
     def coarser(self) -> Level:
         """Make the contact problem on the next coarser grid, with about half as many points along each axis."""
@@ -53,21 +54,20 @@ class Level(NamedTuple):
             for values in (self.line.hardness, self.line.slope)
         )
         line = YieldLine(hardness, slope)
-        load = self.load
+        mean_pressure = self.mean_pressure
         if np.isfinite(line.capacity):
-            # The mean hardness of the coarse grid may differ, because an odd last row is counted twice. The load is
-            # scaled, so that all grids carry the same fraction of their capacity.
-            load *= line.capacity / self.line.capacity
-        return Level(coarsened(self.gap0), self.half_space.coarser, line, load)
+            # The mean hardness of the coarse grid may differ, because an odd last row is counted twice. The mean
+            # pressure is scaled, so that all grids carry the same fraction of their capacity.
+            mean_pressure *= line.capacity / self.line.capacity
+        return Level(coarsened(self.gap0), self.half_space.coarser, line, mean_pressure)
 
     def on_grid(self, offset: float) -> Problem:
         """Return the data of the problem for `solve_active_sets`; heights are measured from `offset` [m]."""
         return Problem(
             gap0=self.gap0.ravel(),
             offset=offset,
-            hardness=self.line.hardness.ravel(),
-            slope=self.line.slope.ravel(),
-            load=self.load * self.gap0.size,
+            law=LinearLaw(self.line.hardness.ravel(), self.line.slope.ravel()),
+            load=self.mean_pressure * self.gap0.size,
         )
 
     def first_guess(self) -> Array:
@@ -77,13 +77,13 @@ class Level(NamedTuple):
         """
         wanted_pressure = min(self.line.mean_hardness, 0.1 * self.half_space.pixel_modulus)
         gap0 = self.gap0
-        n_carrying = min(gap0.size, int(self.load / wanted_pressure * gap0.size))
+        n_carrying = min(gap0.size, int(self.mean_pressure / wanted_pressure * gap0.size))
         # at least four points, as far as the grid has so many
         n_touching = max(min(4, gap0.size), n_carrying)
         # the largest gap of the n_touching highest points
         largest_gap = np.partition(gap0, n_touching - 1, axis=None)[n_touching - 1]
         is_touching = gap0 <= largest_gap
-        return is_touching * (self.load * gap0.size / np.count_nonzero(is_touching))
+        return is_touching * (self.mean_pressure * gap0.size / np.count_nonzero(is_touching))
 
 
 def solve_straight_law(level: Level, rtol: float, start: Array | None = None) -> Contact:
@@ -94,9 +94,9 @@ def solve_straight_law(level: Level, rtol: float, start: Array | None = None) ->
     """
     # heights are measured from the highest point, so that rounding errors are small for points in contact
     offset = float(level.gap0.min())
-    if level.load == 0:
+    if level.mean_pressure == 0:
         return uniform_contact(level, offset, 0.0)
-    if level.load >= level.line.capacity * (1 - 1e-12):
+    if level.mean_pressure >= level.line.capacity * (1 - 1e-12):
         return uniform_contact(level, offset, level.line.hardness)
     if start is None:
         start = _start_from_coarser_grids(level, offset)
@@ -141,10 +141,10 @@ def uniform_contact(level: Level, offset: float, pressure: float | Array) -> Con
 
 
 def check_solution(level: Level, carried: float, solution: Solution, rtol: float) -> None:
-    """Raise NotConverged if the residual is above `rtol`, or if the mean pressure `carried` [Pa] is not the load."""
-    if not abs(carried - level.load) <= _LOAD_TOLERANCE * level.load:
+    """Raise NotConverged if the residual is above `rtol`, or if the mean pressure `carried` [Pa] is wrong."""
+    if not abs(carried - level.mean_pressure) <= _LOAD_TOLERANCE * level.mean_pressure:
         raise NotConverged(
-            f"contact: the solution carries {carried / level.load:.6g} times the given load; try another grid",
+            f"contact: the solution carries {carried / level.mean_pressure:.6g} times the given load; try another grid",
             solution.residual,
         )
     if not solution.residual <= rtol:
@@ -169,7 +169,7 @@ def make_contact(level: Level, grid: Workspace, offset: float, solution: Solutio
     solution : Solution
         Approach, residual, number of iterations and number of products with the compliance.
     """
-    v = grid.arrays.v
+    v = grid.points.v
     # a workspace that is kept for the next contact continues to use its array of pressures
     pressure = grid.pressure.copy() if grid.is_kept else grid.pressure
     grid.release()
@@ -177,7 +177,7 @@ def make_contact(level: Level, grid: Workspace, offset: float, solution: Solutio
     deformation = np.empty(pressure.shape)
     is_plastic = np.empty(pressure.shape, bool)
     parts_of_grid = rows(*pressure.shape)
-    flat_law = level.line.hardness.ravel(), level.line.slope.ravel()
+    law = LinearLaw(level.line.hardness.ravel(), level.line.slope.ravel())
     flat_results = gap.ravel(), deformation.ravel(), is_plastic.ravel()
     # the flat views share the memory of gap, deformation and is_plastic, which are filled here
     over(
@@ -187,7 +187,7 @@ def make_contact(level: Level, grid: Workspace, offset: float, solution: Solutio
         v,
         solution.delta,
         grid.stiffness,
-        *flat_law,
+        law,
         *flat_results,
     )
     return Contact(

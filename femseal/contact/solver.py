@@ -108,9 +108,9 @@ def solve_contact(
         if np.ndim(fluid_pressure) or fluid_pressure != 0:
             gap, law, pressure = _as_dry_contact(gap, half_space, law, pressure, fluid_pressure)
         line = law.tangent(shape)
-        load = _checked_load(pressure, law)
+        mean_pressure = _checked_pressure(pressure, law)
         validate.tolerance("rtol", rtol)
-        level = Level(gap, half_space, line, load)
+        level = Level(gap, half_space, line, mean_pressure)
         if law.linear:
             contact = solve_straight_law(level, rtol)
         else:
@@ -163,7 +163,7 @@ def _as_dry_contact(
     return gap + grid.displacement(), reduced_law, pressure - mean
 
 
-def _checked_load(pressure: float, law: ContactLaw) -> float:
+def _checked_pressure(pressure: float, law: ContactLaw) -> float:
     """Return the nominal pressure as a float; raise InputError if the contact law cannot carry this pressure."""
     pressure = validate.number("pressure", pressure, unit="Pa", inclusive=True)
     check_capacity("pressure", pressure, law)

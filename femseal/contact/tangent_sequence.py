@@ -68,11 +68,11 @@ def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
     former_mismatch = inf
     for _ in range(_MOST_TANGENTS):
         line, depth = _tangent_from_depth(law, level.line, u)
-        if level.load >= line.capacity * (1 - 1e-9):
+        if level.mean_pressure >= line.capacity * (1 - 1e-9):
             # the curve can carry the load at a larger deformation, of all points together or on a tangent that rises
-            u = u + _increase_to_carry(law, u, level.load)
+            u = u + _increase_to_carry(law, u, level.mean_pressure)
             line, depth = _tangent_from_depth(law, level.line, u)
-        if level.load >= line.capacity * (1 - 1e-9):
+        if level.mean_pressure >= line.capacity * (1 - 1e-9):
             slope = np.maximum(line.slope, _SMALL_STIFFNESS * stiffness)
             line = replace(line, slope=slope)
         tangent_level = level._replace(gap0=level.gap0 + depth, line=line)
@@ -146,7 +146,7 @@ def _tangent_from_depth(
     return YieldLine(hardness, slopes), depth
 
 
-def _increase_to_carry(law: ContactLaw, u: Array, load: float) -> float:
+def _increase_to_carry(law: ContactLaw, u: Array, mean_pressure: float) -> float:
     """Find the common increase of the deformation at which the hardness of the points can carry the load.
 
     Returns 0 if no increase suffices. Increasing the deformation of all points by the same length changes only the
@@ -157,11 +157,11 @@ def _increase_to_carry(law: ContactLaw, u: Array, load: float) -> float:
     constant hardness of the coating, which cannot carry the load.
 
     u : array (n1, n2), plastic deformation [m].
-    load : nominal pressure [Pa].
+    mean_pressure : nominal pressure [Pa], which the points have to carry.
     """
 
     def carries(increase: float) -> bool:
-        return float(np.mean(law.yield_pressure(u + increase))) > load * (1 + 1e-6)
+        return float(np.mean(law.yield_pressure(u + increase))) > mean_pressure * (1 + 1e-6)
 
     # double the increase until the points can carry the load, then find the smallest sufficient increase by bisection
     low = 0.0

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import threading
+from collections import OrderedDict
 from collections.abc import Callable
-from functools import lru_cache, partial
+from functools import partial
 from math import prod
-from threading import get_ident
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..base import Array, Indices, Shape
-from ..base.compiled import thread_count
+from ..base.compiled import entry_point, thread_count
 from . import gradient_steps, projection
 from .convolution import Convolution
 from .half_space import HalfSpace, stiffness_stencil
+from .point_arrays import FreePoints, GridPoints, LinearLaw, NearPoints, Preconditioner
 
 Call = Callable[..., Any]
 #: Largest number of points of a grid whose arrays, 100 bytes per point, are kept for the next problem on this grid.
 #: Creating them takes 14 times as long as a solution on 64² points, 2.6 times as long on 256², and 0.2 times on 1024².
 KEPT_POINTS = 2**21
+#: Largest number of points of all grids whose arrays a thread keeps: the nested grids of two problems of the largest
+#: kept size, or those of many small ones. The arrays that were used least recently are released first.
+_KEPT_IN_ALL = 3 * KEPT_POINTS
 #: Number of points from which two threads are faster than one.
 _THREADED = 2**18
 #: Loops for small grids. Each of them is compiled as a single function.
@@ -47,15 +52,13 @@ class Problem(NamedTuple):
 
     gap0 : array (n,), undeformed gap h₁ [m].
     offset : height [m] that is subtracted from h₁ and from the approach, to reduce rounding errors.
-    hardness : hardness H [Pa], as an array of one value for all points (1,) or one for each point (n,).
-    slope : hardening modulus h [Pa/m], as an array of one value for all points (1,) or one for each point (n,).
+    law : hardness and hardening modulus of each point.
     load : required sum of the pressures of all points [Pa].
     """
 
     gap0: Array
     offset: float
-    hardness: Array
-    slope: Array
+    law: LinearLaw
     load: float
 
 
@@ -71,7 +74,7 @@ def workspace(half_space: HalfSpace, finest: HalfSpace | None = None) -> Workspa
     # half-spaces that differ only in their modulus share their arrays
     unit = half_space.of_unit_modulus
     if is_kept:
-        arrays = _kept_arrays(unit, thread_count(), get_ident())
+        arrays = _kept_arrays.get(unit, thread_count())
     else:
         arrays = WorkArrays(unit, thread_count())
     return Workspace(half_space, arrays, is_kept)
@@ -80,12 +83,16 @@ def workspace(half_space: HalfSpace, finest: HalfSpace | None = None) -> Workspa
 class WorkArrays:
     """Transforms and arrays of one grid, for a half-space of unit modulus.
 
-    The arrays are described in `projection` and `gradient_steps`.
-
     Attributes
     ----------
-    respond : computes the displacement due to a pressure, in double precision.
-    search : computes the displacement due to a search direction, in single precision.
+    respond : Convolution
+        Computes the displacement due to a pressure, in double precision.
+    search : Convolution
+        Computes the displacement due to a search direction, in single precision.
+    points, near, free : GridPoints, NearPoints, FreePoints
+        Values of all points of the grid, and lists of the points near contact and of the free points.
+    stencil, rows, columns : array
+        Preconditioner for a half-space of unit modulus, see `Preconditioner`.
     """
 
     def __init__(self, unit: HalfSpace, threads: int) -> None:
@@ -103,29 +110,45 @@ class WorkArrays:
             over=self.respond,
         )
         # grid arrays in the memory of the two convolutions
-        self.p = self.respond.pressure.ravel()
-        self.v = self.respond.rows
-        self.dense = self.search.pressure.ravel()
-        self.kd = self.search.rows
-        self.state = np.zeros(n, np.int8)
-        # Lists of points near contact and of free points, with values in the order of these lists. The operating system
-        # provides memory only for the part of an array that a list fills.
-        self.near, self.free, self.place = np.empty((3, n), np.int32)
-        self.near_p, self.near_v, self.trial, self.response = np.empty((4, n))
-        self.r, self.w, self.d, self.ones = np.empty((4, n))
-        self.hardening_compliance, self.scale = np.empty((2, n))
+        self.points = GridPoints(
+            p=self.respond.pressure.ravel(),
+            v=self.respond.rows,
+            state=np.zeros(n, np.int8),
+            dense=self.search.pressure.ravel(),
+            kd=self.search.rows,
+        )
+        # the operating system provides memory only for the part of a list that is used
+        near_index, free_index, place = np.empty((3, n), np.int32)
+        self.near = NearPoints(near_index, *np.empty((4, n)))
+        self.free = FreePoints(free_index, place, *np.empty((6, n)))
         self.stencil = stiffness_stencil(unit)
         self.rows = _index_map(unit.shape[0], unit.boundary[0])
         self.columns = _index_map(unit.shape[1], unit.boundary[1])
 
 
-@lru_cache(maxsize=32)
-def _kept_arrays(unit: HalfSpace, threads: int, thread: int) -> WorkArrays:
-    """Make the arrays of a grid; later calls by the same thread return the same arrays.
+class _KeptArrays(threading.local):
+    """Arrays of the grids on which this thread has solved problems, up to a total number of points.
 
-    thread : identifier of the calling thread. The arrays are cached per thread, so that no two threads share them.
+    Each thread has its own arrays, because they are written to. They are released when the thread ends.
     """
-    return WorkArrays(unit, threads)
+
+    def __init__(self) -> None:
+        self.arrays: OrderedDict[tuple[HalfSpace, int], WorkArrays] = OrderedDict()
+
+    def get(self, unit: HalfSpace, threads: int) -> WorkArrays:
+        """Return the arrays of a grid, for a half-space of unit modulus; make them if they are not kept."""
+        key = unit, threads
+        if key not in self.arrays:
+            others = sum(prod(half_space.shape) for half_space, _ in self.arrays)
+            while self.arrays and others + prod(unit.shape) > _KEPT_IN_ALL:
+                (oldest, _), _arrays = self.arrays.popitem(last=False)
+                others -= prod(oldest.shape)
+            self.arrays[key] = WorkArrays(unit, threads)
+        self.arrays.move_to_end(key)
+        return self.arrays[key]
+
+
+_kept_arrays = _KeptArrays()
 
 
 class Workspace:
@@ -134,13 +157,15 @@ class Workspace:
     Attributes
     ----------
     pressure : array (n1, n2)
-        Pressure [Pa], in the memory of `arrays.p`.
+        Pressure [Pa], in the memory of `points.p`.
+    points, near, free : GridPoints, NearPoints, FreePoints
+        Arrays of the solver, see `point_arrays`.
+    preconditioner : Preconditioner
+        Approximate inverse M of K.
     is_kept : bool
         Whether the arrays remain in memory for the next problem.
     stiffness : float
         Stiffness c₀ [Pa/m], see `HalfSpace.stiffness`.
-    weights : array (3, 3)
-        Weights of the preconditioner M [Pa/m].
     compliance : float
         Factor 1/E* [1/Pa] applied to displacements from `arrays`, which are computed for a contact modulus of 1 Pa.
     """
@@ -150,11 +175,14 @@ class Workspace:
         self.arrays = arrays
         self.is_kept = is_kept
         self.pressure = arrays.respond.pressure
+        self.points = arrays.points
+        self.near = arrays.near
+        self.free = arrays.free
         self.stiffness = half_space.stiffness
         # the transforms and the stencil in `arrays` belong to a contact modulus of 1 Pa
         self.compliance = 1.0 / half_space.pixel_modulus
-        self.weights = half_space.pixel_modulus * arrays.stencil
-        self._loops = _IN_PARTS if self.pressure.size > projection.PART else _UNDIVIDED
+        weights = half_space.pixel_modulus * arrays.stencil
+        self.preconditioner = Preconditioner(weights, arrays.rows, arrays.columns)
 
     def start(self, pressure: Array, limit: Array) -> None:
         """Set the initial pressure [Pa], which is given on the grid or on the next coarser grid.
@@ -164,11 +192,11 @@ class Workspace:
         if pressure.shape != self.pressure.shape:
             pressure = refined(pressure, self.pressure.shape)
         np.minimum(pressure, limit, out=self.pressure)
-        self.arrays.state[:] = self.arrays.p > 0  # 1 (elastic) or 0 (out of contact)
-        self.arrays.dense[:] = 0
+        self.points.state[:] = self.points.p > 0  # 1 (elastic) or 0 (out of contact)
+        self.points.dense[:] = 0
 
     def displacement(self) -> Array:
-        """Compute the displacement Kp (n1, n2) [m] due to the pressure, and store it in the memory of `arrays.v`."""
+        """Compute the displacement Kp (n1, n2) [m] due to the pressure, and store it in the memory of `points.v`."""
         self.arrays.respond.apply()
         displacement = self.arrays.respond.displacement
         displacement *= self.compliance
@@ -176,91 +204,39 @@ class Workspace:
 
     def response(self, direction: Array) -> Array:
         """Compute the displacement (n,) [m] due to a search direction (n,) [Pa] in single precision."""
-        self.arrays.dense[:] = direction
+        self.points.dense[:] = direction
         self.arrays.search.apply()
         return self.compliance * self.arrays.search.displacement.ravel().astype(float)
 
     def release(self) -> None:
         """Release the memory of the arrays, unless the next problem will use the same arrays."""
         if not self.is_kept:
-            del self.arrays
+            del self.arrays, self.points, self.near, self.free
 
     def loops(self, problem: Problem) -> Loops:
         """Return the compiled loops, to which the arrays of this grid and the data of a problem are already passed."""
         arrays = self.arrays
-        law = problem.hardness, problem.slope
-        near = arrays.near, arrays.near_p, arrays.near_v
-        free = arrays.free, arrays.place
-        preconditioner = arrays.scale, self.weights, arrays.rows, arrays.columns
+        law = problem.law
+        points, near, free = self.points, self.near, self.free
+        is_divided = self.pressure.size > projection.PART
+        loops = _IN_PARTS if is_divided else _UNDIVIDED
 
-        def bind(name: str, *arguments: Any) -> Call:
-            """Return the compiled loop `name`, to which the given first arguments are already passed."""
-            return partial(self._loops[name], *arguments)
+        def bind(name: str, *groups: Any) -> Call:
+            """Return the loop `name`, to which the given first arguments are already passed."""
+            loop = loops[name]
+            if not is_divided:
+                loop = entry_point(loop, *groups, *_OTHER_ARGUMENTS[name])
+            return partial(loop, *groups)
 
         return Loops(
             respond=arrays.respond.apply,
             search=arrays.search.apply,
-            list_near=bind(
-                "list_near",
-                problem.gap0,
-                problem.offset,
-                *law,
-                arrays.p,
-                arrays.v,
-                arrays.state,
-                *near,
-                *free,
-            ),
-            evaluate=bind("evaluate", *law, arrays.state, *near, arrays.trial, problem.load),
-            project=bind(
-                "project",
-                *law,
-                arrays.p,
-                arrays.state,
-                arrays.dense,
-                arrays.near,
-                arrays.near_p,
-                arrays.trial,
-                arrays.free,
-                arrays.response,
-                problem.load,
-            ),
-            restart=bind(
-                "restart",
-                *law,
-                arrays.state,
-                arrays.dense,
-                arrays.near_p,
-                arrays.near_v,
-                *free,
-                arrays.r,
-                arrays.ones,
-                arrays.hardening_compliance,
-                *preconditioner,
-            ),
-            next_direction=bind(
-                "next_direction",
-                arrays.dense,
-                arrays.free,
-                arrays.r,
-                arrays.w,
-                arrays.d,
-                arrays.ones,
-                *preconditioner,
-            ),
-            step=bind(
-                "step",
-                arrays.kd,
-                self.compliance,
-                arrays.dense,
-                *near,
-                *free,
-                arrays.r,
-                arrays.d,
-                arrays.hardening_compliance,
-                arrays.scale,
-                arrays.response,
-            ),
+            list_near=bind("list_near", problem.gap0, problem.offset, law, points, near, free),
+            evaluate=bind("evaluate", law, points, near, problem.load),
+            project=bind("project", law, points, near, free, problem.load),
+            restart=bind("restart", law, points, near, free, self.preconditioner),
+            next_direction=bind("next_direction", points, free, self.preconditioner),
+            step=bind("step", points, near, free, self.compliance),
         )
 
 
@@ -284,6 +260,17 @@ class Loops(NamedTuple):
     restart: Call  # n_free, delta
     next_direction: Call  # n_free, previous_wr, total_ones
     step: Call  # n_near, n_free, wr
+
+
+#: Examples of the remaining arguments of each loop, which tell their types.
+_OTHER_ARGUMENTS: dict[str, tuple[Any, ...]] = {
+    "list_near": (1.0, 1.0, 1.0, 0, 1),
+    "evaluate": (1, 1.0, 1.0),
+    "project": (1, 1, 1.0, 1.0, True),
+    "restart": (1, 1.0),
+    "next_direction": (1, 1.0, 1.0),
+    "step": (1, 1, 1.0),
+}
 
 
 def _index_map(n: int, boundary: str) -> Indices:

@@ -340,11 +340,24 @@ def test_bodies_that_differ_in_their_modulus_share_their_arrays():
     h = rough((40, 40))
     soft, hard = (HalfSpace((40, 40), (D, D), factor * E) for factor in (1, 2))
     one = solve_contact(h, soft, pressure=1e8, hardness=H, rtol=1e-9)
-    made = workspace._kept_arrays.cache_info().misses
+    arrays = workspace.workspace(soft).arrays
     other = solve_contact(h, hard, pressure=2e8, hardness=2 * H, rtol=1e-9)
-    assert workspace._kept_arrays.cache_info().misses == made
+    assert workspace.workspace(hard).arrays is arrays
     assert_allclose(other.pressure, 2 * one.pressure, rtol=0, atol=1e-9 * H)
     assert_allclose(other.gap, one.gap, rtol=0, atol=1e-12 * np.ptp(h))
+
+
+def test_arrays_of_the_grids_used_least_recently_are_released(monkeypatch):
+    """The arrays that a thread keeps have a limited number of points in all."""
+    monkeypatch.setattr(workspace, "_KEPT_IN_ALL", 2 * 30**2)
+    first, second, third = (HalfSpace((n, n), (D, D), E) for n in (28, 29, 30))
+    arrays = [workspace.workspace(half_space).arrays for half_space in (first, second)]
+    assert workspace.workspace(first).arrays is arrays[0]
+    workspace.workspace(
+        third
+    )  # takes the place of the second grid, which was used before the first one
+    assert workspace.workspace(first).arrays is arrays[0]
+    assert workspace.workspace(second).arrays is not arrays[1]
 
 
 def test_steps_become_monotone_where_active_sets_go_round_in_circles(monkeypatch):

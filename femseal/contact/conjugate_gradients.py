@@ -1,0 +1,113 @@
+"""Reduce the energy of a contact by conjugate gradients on the free points, whose bounds are ignored.
+
+The residual of a free point is r = δ − v − a (p − H), with the compliance a = 1/h of a point that hardens, and a = 0
+for an elastic point. The preconditioned residual w = M r − λ M1 has the sum 0, so that the load remains constant. The
+search direction is d = w + β d, with β = w·r / (w·r of the previous direction). The compiled loops are those of
+`gradient_steps`.
+"""
+
+from __future__ import annotations
+
+from math import inf
+from typing import NamedTuple
+
+from .workspace import Loops
+
+#: Value of w·r below which the residual is a rounding error, relative to w·r for the residual δ at all free points.
+_FLAT = 1e-30
+
+
+class StepLimits(NamedTuple):
+    """Limits of a few conjugate-gradient steps.
+
+    steps : maximum number of steps.
+    drop : the steps end when w·r (the squared energy norm of the residual) falls below this fraction of its initial
+        value.
+    """
+
+    steps: int
+    drop: float
+
+
+class Directions(NamedTuple):
+    """State of the conjugate gradients on one set of free points.
+
+    total_ones : sum of all components of M1, the preconditioner M applied to a vector of ones.
+    previous_wr : product w·r of the previous direction; infinite if there is no previous direction.
+    unused_wr : product w·r of the next direction; None if the next direction has not been computed.
+    """
+
+    total_ones: float
+    previous_wr: float = inf
+    unused_wr: float | None = None
+
+
+class Gradients(NamedTuple):
+    """Result of a few steps of conjugate gradients.
+
+    directions : scalars needed to continue the conjugate-gradient iteration after the last step.
+    steps : number of steps, each with a product of K with a direction.
+    least_stiffness : smallest Rayleigh quotient d·d/(d·Kd) of the directions d [Pa/m]; infinite without a step.
+    """
+
+    directions: Directions
+    steps: int
+    least_stiffness: float
+
+
+def conjugate_gradients(
+    loops: Loops,
+    n_near: int,
+    n_free: int,
+    delta: float,
+    limits: StepLimits,
+    directions: Directions | None = None,
+) -> Gradients:
+    """Perform a few steps of conjugate gradients on the free points.
+
+    The steps change p and v in the lists of the points near contact.
+
+    Parameters
+    ----------
+    loops : Loops
+        Compiled loops, which contain the lists of points.
+    n_near, n_free : int
+        Numbers of points near contact and of free points.
+    delta : float
+        Approach δ [m].
+    limits : StepLimits
+        When to stop.
+    directions : Directions, optional
+        Scalars needed to continue an earlier iteration on the same free points. By default, the iteration begins with
+        the steepest descent.
+
+    Returns
+    -------
+    Gradients
+    """
+    if directions is None:
+        directions = Directions(loops.restart(n_free, delta))
+    total_ones, previous_wr, wr = directions
+    first_wr = inf  # w·r of the first direction
+    least_stiffness = inf
+    steps = 0
+    while steps < limits.steps:
+        if wr is None:
+            wr = loops.next_direction(n_free, previous_wr, total_ones)
+        if steps == 0:
+            first_wr = wr
+            # if the residual on the free points is only a rounding error, only a change of the sets can help
+            if not first_wr > _FLAT * delta**2 * total_ones:
+                break
+        if not (wr > 0.0 and wr >= limits.drop * first_wr):
+            break
+        loops.search()  # computes Kd
+        curvature, squared_length, is_made = loops.step(n_near, n_free, wr)
+        steps += 1
+        previous_wr = wr if is_made else inf
+        wr = None
+        if not is_made:
+            break
+        if curvature > 0.0:
+            least_stiffness = min(least_stiffness, squared_length / curvature)
+    return Gradients(Directions(total_ones, previous_wr, wr), steps, least_stiffness)
