@@ -179,13 +179,13 @@ def contacts(monkeypatch):
     """Nominal pressures of the contacts that are solved."""
     from femseal.contact import solver
 
-    solved, check = [], solver._checked_load
+    solved, check = [], solver._checked_pressure
 
     def counted(pressure, law):
         solved.append(pressure)
         return check(pressure, law)
 
-    monkeypatch.setattr(solver, "_checked_load", counted)
+    monkeypatch.setattr(solver, "_checked_pressure", counted)
     return solved
 
 

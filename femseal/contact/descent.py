@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..base import Array, Indices
+from ..base import Array, Flags, Indices
 from .conjugate_gradients import StepLimits, conjugate_gradients
 from .projection import find_approach
 from .workspace import Loops, Problem, Workspace
@@ -232,7 +232,7 @@ def _free_point_step(
 
 
 def _list_free_points(
-    grid: Workspace, loops: Loops, v: Array, is_elastic: Array, yields: Array
+    grid: Workspace, loops: Loops, v: Array, is_elastic: Flags, yields: Flags
 ) -> int:
     """List all points as near contact, and those that are elastic or harden as free; return the number of free points.
 
