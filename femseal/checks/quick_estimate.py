@@ -2,7 +2,7 @@
 
 The estimate serves as a forecast before a case is solved, and as a plausibility check of a computed leakage. The
 leakage is computed as the flow between two parallel plates. The distance between the plates is the gap of the critical
-junction, see `analytic.critical_junction`.
+junction, see `persson.critical_junction`.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from math import inf, nan
 
 import numpy as np
 
-from ..analytic import CLOSING_AREA, critical_junction
 from ..base import Array
 from ..contact import Bodies, modulus_of_waves
+from ..persson import CLOSING_AREA, critical_junction
 from ..scene import Scene
 from ..topography import Surface, Topography
 

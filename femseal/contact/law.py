@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from math import inf
 from typing import Any, NamedTuple
+from uuid import uuid4
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,13 +24,8 @@ from numpy.typing import ArrayLike
 from ..base import Array, Flags, InputError, Shape, reals, to_text
 from ..store.digests import NoDigest, digest
 from .curve_pieces import CurvePieces
+from .curve_projection import project_on_curve
 
-#: Largest number of steps of Newton's method, or of bisection, for the projection on a curved law.
-_NEWTON_STEPS = 60
-#: Steepest negative slope, relative to the stiffness, with which Newton's method is used for a softening law.
-_STEEPEST = 0.8
-#: Relative change of a deformation that may be caused by rounding errors.
-_ROUNDING = 4 * np.finfo(float).eps
 #: Depths at which the laws of two bodies are compared [m].
 _COMPARED_DEPTHS = np.r_[0.0, np.geomspace(1e-10, 1e-3, 281)]
 
@@ -159,77 +155,15 @@ class ContactLaw:
         is_curved = (trial > first_hardness + stiffness * depth) | (gap < -depth)
         law = self.at(is_curved)
         if law is None:
-            return self._project_on_curve(pressure, gap, stiffness)
+            return project_on_curve(self, pressure, gap, stiffness)
         # most points are elastic or within the constant part of the curve, and are projected on the constant
         y = np.clip(trial, 0.0, first_hardness)
         u = np.maximum(trial - first_hardness, 0.0) / stiffness
         if np.any(is_curved):
-            y[is_curved], u[is_curved] = law._project_on_curve(
-                pressure[is_curved], gap[is_curved], stiffness
+            y[is_curved], u[is_curved] = project_on_curve(
+                law, pressure[is_curved], gap[is_curved], stiffness
             )
         return y, u
-
-    def _project_on_curve(
-        self, pressure: Array, gap: Array, stiffness: float
-    ) -> tuple[Array, Array]:
-        """Project the contact pressures of some points on the contact law, see `admissible`.
-
-        pressure : contact pressure p [Pa], (any shape).
-        gap : raw gap g [m], of the shape of `pressure`.
-        stiffness : stiffness c [Pa/m].
-        """
-        trial = pressure - stiffness * gap
-        u = self._deformation(trial, stiffness)
-        y = np.clip(trial, 0.0, self.yield_pressure(u))
-        overlap = np.maximum(-gap, 0.0)
-        slope = self.hardening_modulus(overlap)
-        if not np.any(slope < 0):
-            return y, u
-        # Where the law softens, there may be another solution near the overlap. It is taken if the overlap exceeds the
-        # deformation u, or if the present pressure is nearer to the curve at the overlap.
-        pressure_at_overlap = self.yield_pressure(overlap)
-        is_nearer = np.abs(pressure - pressure_at_overlap) < np.abs(pressure - y)
-        is_softened = (slope < 0) & (overlap > 0) & ((overlap > u) | is_nearer)
-        # One step of Newton's method, from the overlap, for H(u) + c u = z. The sum of both slopes must not be close to
-        # 0, because the step divides by it.
-        total_slope = np.maximum(slope, -_STEEPEST * stiffness) + stiffness
-        u_at_overlap = np.maximum(overlap + (pressure - pressure_at_overlap) / total_slope, 0.0)
-        projected = np.where(is_softened, pressure_at_overlap, y)
-        return projected, np.where(is_softened, u_at_overlap, u)
-
-    def _deformation(self, trial: Array, stiffness: float) -> Array:
-        """Solve H(u) + c u = z for the plastic deformation u >= 0 of each point; u = 0 where z < H(0).
-
-        Newton's method is kept within a bracket of the solution. Bisection replaces a step that leaves the bracket or
-        that converges slowly.
-
-        trial : array (n1, n2), trial pressure z [Pa].
-        stiffness : stiffness c [Pa/m].
-        """
-        u = np.zeros(np.shape(trial))
-        # For a straight line, the first step of Newton's method gives the solution, and no bracket is necessary.
-        steps = 1 if self.linear else _NEWTON_STEPS
-        # bracket of the solution, and the last change of u
-        low = u
-        high = np.full(u.shape, inf) if self.linear else np.maximum(trial, 0.0) / stiffness
-        change = high
-        for _ in range(steps):
-            excess = self.yield_pressure(u) + stiffness * u - trial
-            low = np.where(excess < 0, u, low)
-            high = np.where(excess < 0, high, u)
-            with np.errstate(divide="ignore"):
-                step = -excess / (self.hardening_modulus(u) + stiffness)
-            # a step that is not much shorter than the last change, and longer than rounding errors
-            is_slow = (np.abs(step) > 0.5 * np.abs(change)) & (np.abs(step) > 1e-12 * high)
-            is_inside = (u + step >= low) & (u + step <= high)
-            to_middle = 0.5 * (low + high) - u  # step of the bisection
-            change = np.where(is_inside & ~is_slow, step, to_middle)
-            previous_u = u
-            u = u + change
-            # at the solution, rounding may move u back and forth by a few of its last digits
-            if np.all(np.abs(u - previous_u) <= _ROUNDING * u):
-                break
-        return u
 
     def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
         """Compute the tangent of the curve H(u) at a plastic deformation.
@@ -267,6 +201,11 @@ class ContactLaw:
         except NoDigest:
             # the class is not part of femseal or of an installed package; the law is then only equal to itself
             return f"{type(self).__qualname__} {id(self)}"
+
+    @cached_property
+    def _unique_key(self) -> str:
+        """Text that no other law has."""
+        return f"{type(self).__qualname__} {uuid4()}"
 
     def __str__(self) -> str:
         return f"{type(self).__name__} with hardness {to_text(self.mean_hardness, 'Pa')}"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
@@ -46,7 +48,7 @@ def _solve_laplace(unknown: Flags, rhs: Singles) -> Singles:
     operator[:, :, -1] = operator[:, :, 1]
     levels, coarsest = levels_of_operator(operator, True)
 
-    def apply_laplace(x: Singles) -> Singles:
+    def apply_laplace(x: Singles) -> Any:
         """Multiply the values of all pixels, as a vector (n1 n2,), by A."""
         values = x.reshape(n1, n2)
         return (centre * values - unknown * _sum_of_neighbours(values)).ravel()

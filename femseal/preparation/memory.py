@@ -6,8 +6,8 @@ from math import prod
 
 from ..base import InputError, Shape, free_memory, to_text
 from ..face.cells import Cut, usual_cells
+from ..seal.covering import MOST_ROWS
 from ..seal.layouts import AnnularLayout, Layout
-from ..seal.tiles import MOST_ROWS
 from ..studies import Sampling
 from ..topography import Surface
 

@@ -1,7 +1,10 @@
 """Describe a scene, that is, a surface, its loads and its fluid, and solve the contact at every load step.
 
 scene             surface + loads + fluid                                  -> Scene, FluidState
+fluid_pressure    a fluid whose pressure acts on the surfaces
 fluid_coupling    contact of the whole surface under the fluid pressure of the flow through its gap
+separation        contact load of a surface whose load the fluid carries nearly alone
+patch_contacts    contact of several measured patches of one surface
 trapped_liquid    pressures of liquid that is trapped in closed pockets
 choices           names of the options of a scene
 """

@@ -37,7 +37,9 @@ from ..seal.layouts import Layout, RectangularLayout
 from ..seal.shapes import Seal
 from ..topography import Patches, Topography
 from .choices import FLUID_EFFECTS, NOMINALS
-from .fluid_coupling import LEAST_FRACTION, FluidPressure, contact_of_patches
+from .fluid_coupling import solve_coupled_contact
+from .fluid_pressure import LEAST_FRACTION, FluidPressure
+from .patch_contacts import contact_of_patches
 
 
 @dataclass(frozen=True)
@@ -274,7 +276,7 @@ class Scene:
         fluid = self.acting_fluid
         solve: Callable[..., Contact] = solve_contact
         if fluid is not None:
-            solve = partial(FluidPressure.contact, fluid)
+            solve = partial(solve_coupled_contact, fluid)
         if isinstance(self.surface, Patches):
             solve = partial(contact_of_patches, patches=self.surface, solve=solve, flow=self.flow)
         steps = self.steps if steps is None else steps

@@ -151,7 +151,7 @@ class RectangularLayout:
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
         """Cover the strip with rows and columns of tiles."""
-        from .tiles import cover_strip
+        from .covering import cover_strip
 
         if cell_size.length is None:
             raise InputError("length", "none", "the length of a rectangular seal")
@@ -212,7 +212,7 @@ class AnnularLayout:
     def lay_out(self, cell_size: CellSize) -> SealTiles:
         """Cover the ring with rows of tiles, which run around the ring. The first row of tiles is at the inlet."""
         _refuse_sizes(self.kind, cell_size)
-        from .tiles import cover_ring
+        from .covering import cover_ring
 
         return cover_ring(cell_size, self.lay, (self.inner_radius, self.outer_radius), self.inlet)
 
@@ -296,7 +296,7 @@ class MeshLayout:
     def lay_out(self, cell_size: CellSize) -> SealTiles:
         """Make each element of the mesh a tile. Neighbouring elements that are smaller than a cell share a tile."""
         _refuse_sizes(self.kind, cell_size)
-        from .tiles import cover_mesh
+        from .covering import cover_mesh
 
         return cover_mesh(cell_size, self.lay, self._seal, self.length, self.centre)
 

@@ -15,9 +15,9 @@ import numpy as np
 
 import femseal as fs
 from common import machine, print_report, table
-from femseal.analytic import persson_area
 from femseal.checks import estimate_surface
 from femseal.checks.quick_estimate import LIGHT_CONTACT
+from femseal.persson import persson_area
 
 SCENES, SIZE, MODULUS = 100, 1e-3, 1.15e11
 KINDS = ("self-affine", "with a roll-off", "bumpy", "turned")

@@ -12,12 +12,12 @@ from scipy.special import erf
 from small_cases import HARDENED
 
 import femseal as fs
-from femseal.analytic import critical_junction, persson_area
 from femseal.case import parse_case
 from femseal.checks import choked_flux, estimate_surface
 from femseal.checks.quick_estimate import ERROR_FACTORS, LIGHT_CONTACT
 from femseal.flow.law import FlowLaw
 from femseal.flow.pressure_drop import PressureDrop
+from femseal.persson import critical_junction, persson_area
 from femseal.preparation import prepare
 from femseal.runs.run_description import describe
 

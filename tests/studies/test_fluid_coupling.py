@@ -12,7 +12,8 @@ from small_cases import steel_scene
 import femseal as fs
 from femseal.face.cell_flow import FlowSettings, solve_surface_flow
 from femseal.flow.harmonic import harmonic_fill
-from femseal.scene.fluid_coupling import LEAST_FRACTION, FluidPressure
+from femseal.scene.fluid_coupling import solve_coupled_contact
+from femseal.scene.fluid_pressure import LEAST_FRACTION, FluidPressure
 from femseal.studies import Sampling, deterministic, stochastic, two_scale
 
 E, H = 115e9, 2.3e9
@@ -30,7 +31,9 @@ def coupled(surface, load, inlet, boundary=FREE, nominal="total", rtol=1e-6):
     """The contact of a face under the pressure of its fluid, load and pressure over the hardness."""
     body = fs.HalfSpace(surface.shape, surface.spacing, E, boundary)
     fluid = acting(inlet * H, nominal=nominal)
-    return fluid.contact(surface.gap(), body, pressure=load * H, hardness=H, rtol=rtol)
+    return solve_coupled_contact(
+        fluid, surface.gap(), body, pressure=load * H, hardness=H, rtol=rtol
+    )
 
 
 def scene(**changes):
@@ -202,7 +205,7 @@ def test_a_closed_face_is_wet_up_to_its_barrier():
     x = (np.arange(48) + 0.5) / 48
     gap0 = np.repeat((1e-6 * (1 - np.exp(-(((x - 0.5) / 0.05) ** 2))))[:, None], 8, axis=1)
     body = fs.HalfSpace(gap0.shape, (D, D), E, FREE)
-    found = acting(5e6).contact(gap0, body, pressure=50e6, hardness=np.inf)
+    found = solve_coupled_contact(acting(5e6), gap0, body, pressure=50e6, hardness=np.inf)
     assert found.flow.permeability == 0
     assert_allclose(found.carried, 0.5 * 5e6, rtol=0.05)
 
@@ -331,7 +334,7 @@ def test_turned_face_of_a_published_trial(fraction, ratio):
     load = 0.08 * hardness
     body = fs.HalfSpace(surface.shape, surface.spacing, E, FREE)
     asked = {"pressure": load, "hardness": hardness}
-    wet = acting(fraction * load).contact(surface.gap(), body, **asked)
+    wet = solve_coupled_contact(acting(fraction * load), surface.gap(), body, **asked)
     dry = fs.solve_contact(surface.gap(), body, **asked)
     k = fs.cell_permeability(dry.gap, surface.spacing, sides="periodic").value
     assert_allclose(wet.flow.permeability / k, ratio, rtol=0.01)

@@ -11,7 +11,8 @@ import femseal as fs
 from femseal.case import parse_case
 from femseal.face.cell_flow import FlowSettings
 from femseal.preparation import prepare
-from femseal.scene.fluid_coupling import FluidPressure
+from femseal.scene.fluid_coupling import solve_coupled_contact
+from femseal.scene.fluid_pressure import FluidPressure
 from femseal.scene.trapped_liquid import label_pockets
 from femseal.seal import Profile
 
@@ -30,8 +31,8 @@ def groove_contact(load, former=None, bulk_modulus=None):
     body = fs.HalfSpace((N, 4), (D, D), E, ("periodic", "periodic"))
     fluid = fs.Liquid(1e-3, bulk_modulus=bulk_modulus)
     acting = FluidPressure(fluid, 1.0, 0.0, "total", FlowSettings(), trapped=True)
-    return acting.contact(
-        groove(), body, pressure=load, hardness=np.inf, rtol=1e-9, remembered=former
+    return solve_coupled_contact(
+        acting, groove(), body, pressure=load, hardness=np.inf, rtol=1e-9, remembered=former
     )
 
 
