@@ -335,7 +335,9 @@ def _with_fluid(variants: Variants, results: Results) -> Variants:
     state = class_fluid(results)
     if state is None:
         return variants
-    return replace(variants, length_parameter=state.law.length, inlet_slope=inlet_slope(state))
+    return replace(
+        variants, length_parameter=state.law.scale_parameter, inlet_slope=inlet_slope(state)
+    )
 
 
 def _note_on_version(results: Results) -> list[str]:

@@ -265,7 +265,7 @@ def solved_variants(
         harder = solve(replace(scene, hardness=scene.law.times(_FACTOR)), "hardness")
     longer_length = None
     fluid = cast(Any, scene.fluid)
-    length_parameter = law_of(scene.fluid).length  # "viscosity", "slip_length" or ""
+    length_parameter = law_of(scene.fluid).scale_parameter  # "viscosity", "slip_length" or ""
     if hasattr(fluid, length_parameter):
         larger_value = _FACTOR * getattr(fluid, length_parameter)
         changed_fluid = replace(fluid, **{length_parameter: larger_value})

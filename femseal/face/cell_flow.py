@@ -16,7 +16,7 @@ import numpy as np
 from ..base import Array, FemsealError, Floats, Pair
 from ..flow import Permeability, Spiral, cell_permeability
 from ..flow.cell import cell_flow, pixel_dissipation
-from ..flow.pressure_drop import VISCOUS, PressureDrop, pressure_between
+from ..flow.pressure_drop import VISCOUS, PressureDrop, pressure_between, solve_face
 from ..flow.problem import check_solver
 from ..flow.spiral import spiral_flow
 from ..topography.patches import split_patches
@@ -242,7 +242,7 @@ def solve_surface_flow(
     Raises
     ------
     NotConverged
-        See `cell_permeability` and `PressureDrop.solve_face`.
+        See `cell_permeability` and `flow.pressure_drop.solve_face`.
     """
     if gap.size > LARGEST_FLOW:
         parts = np.array_split(gap, -(-gap.size // LARGEST_FLOW), axis=1)
@@ -268,9 +268,9 @@ def solve_surface_flow(
                 flow = replace(flow, value=value, fluid_pressure=pressure, percolates=value > 0)
         return flow.value, flow.fluid_pressure, flow
 
-    flow, drop = settings.drop.solve_face(np.asarray(gap, float), spacing, solve, PRESSURE_RTOL)
+    flow, drop = solve_face(settings.drop, np.asarray(gap, float), spacing, solve, PRESSURE_RTOL)
     value = flow.value * drop.mean_factor
-    potential = drop.viscous_fraction(flow.fluid_pressure)
+    potential = drop.φ_fraction(flow.fluid_pressure)
     # The exact potential lies between 0 and 1. The error of the solver, about 1e-3 in the energy norm, may exceed this.
     return FaceFlow(value, counts, np.clip(potential, 0.0, 1.0))
 

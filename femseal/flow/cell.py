@@ -17,11 +17,11 @@ from ..base import Array, Lengths, Pair, Shown, validate
 from ..base.compiled import compiled, inner, over, rows, thread_count, using_threads
 from .core_flux import core_ratio
 from .grid import Stencil, gap_on_rows, link_weights
-from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
-from .percolation import prepare_links
+from .law import CUBIC_LAW, FlowLaw, checked_equivalent_gap, cubic_law
+from .percolation import prepare_links_in_place
 from .plain import solve_plain
 from .problem import SPARSE_SOLVERS, DarcyFlow, check_solver, unit_spacing, validated_cell
-from .solvers.choice import solve_prepared
+from .solvers.choice import solve_in_place
 
 
 def cell_stencil(gap: Array, spacing: Pair, sides: str) -> Stencil:
@@ -143,7 +143,7 @@ def cell_permeability(
     1.0
     """
     if law != CUBIC_LAW:
-        gap = gap_by_law(validated_cell(gap, spacing, 0, sides)[0], law, pressure)
+        gap = checked_equivalent_gap(validated_cell(gap, spacing, 0, sides)[0], law, pressure)
     check_solver(solver)
     with using_threads(thread_count() if threads is None else validate.count("threads", threads)):
         cell = cell_flow(
@@ -231,8 +231,8 @@ def cell_flow(
         stencil = cell_stencil(h, (d1, d2), sides)
         del h  # large faces need its memory
         along = stencil.along
-        links = prepare_links(along, stencil.across)
-        flow = solve_prepared(links, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
+        links = prepare_links_in_place(along, stencil.across)
+        flow = solve_in_place(links, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
     ratio = 1.0
     if core is not None and core != (0, n2) and flow.percolates:
         ratio = core_ratio(along, flow, core)

@@ -43,21 +43,6 @@ _LEAST, _MOST = 0.1, 4.0
 _DIP, _JUMP = 0.88, 4.0
 
 
-class AxisLinks(NamedTuple):
-    """All links of a network along one axis.
-
-    conductance : array, conductance of each link.
-    start, end : arrays in the shape of `conductance`, numbers of the start node and of the end node of each link. The
-        node in row i and column j has the number i n2 + j.
-    step : row and column of the node at the end of a link, relative to the node at its start.
-    """
-
-    conductance: Array
-    start: Indices
-    end: Indices
-    step: tuple[int, int]
-
-
 @dataclass(frozen=True)
 class Stencil:
     """A network of links between neighbouring nodes of a grid.
@@ -68,20 +53,18 @@ class Stencil:
     Attributes
     ----------
     along : array (n1, n2), conductances of the links between the nodes (i, j) and (i + 1, j). The network has n1 + 1
-        rows of nodes; row 0 is the inlet and row n1 the outlet. If the rows form a ring (`ring1`), the network has n1
-        rows, and the last row is linked to row 0.
+        rows of nodes; row 0 is the inlet and row n1 the outlet.
     across : array (n1 − 1, m2), conductances of the links between the nodes (i, j) and (i, j + 1) in the rows
-        i = 1 to n1 − 1. Links within the inlet or the outlet carry no flow and are left out. If the rows of the network
-        form a ring (`ring1`), the array has the shape (n1, m2), with the links in all rows. If the columns form a ring
+        i = 1 to n1 − 1. Links within the inlet or the outlet carry no flow and are left out. If the columns form a ring
         (`ring2`), m2 is n2; without a ring, m2 is n2 − 1.
     ring2 : whether the columns form a ring, in which the last column is linked to the first column.
-    ring1 : whether the rows form a ring. A network in which the rows form a ring has neither inlet nor outlet.
+
+    The arrays are not copied. Functions whose names end in `_in_place` change them.
     """
 
     along: Array
     across: Array
     ring2: bool = True
-    ring1: bool = False
 
     @classmethod
     def network(cls, along: ArrayLike, across: ArrayLike, *, ring: bool = True) -> Stencil:
@@ -123,24 +106,10 @@ class Stencil:
     def nodes(self) -> tuple[int, int]:
         """Number of rows of nodes, including inlet and outlet, and number of columns."""
         n1, n2 = self.along.shape
-        return (n1 if self.ring1 else n1 + 1), n2
-
-    def links(self) -> tuple[AxisLinks, AxisLinks]:
-        """List the links along the first axis, and the links along the second axis."""
-        rows, n2 = self.nodes
-        node = np.arange(rows * n2).reshape(rows, n2)
-        here = node if self.ring1 else node[:-1]
-        below = np.roll(node, -1, axis=0) if self.ring1 else node[1:]
-        inner = node if self.ring1 else node[1:-1]
-        m2 = self.across.shape[1]
-        beside = np.roll(inner, -1, axis=1)
-        return (
-            AxisLinks(self.along, here, below, (1, 0)),
-            AxisLinks(self.across, inner[:, :m2], beside[:, :m2], (0, 1)),
-        )
+        return n1 + 1, n2
 
     def energy(self, pressure: Array) -> float:
-        """Compute the energy Σ c (Δp)² of a pressure at the nodes, for a network whose rows do not form a ring.
+        """Compute the energy Σ c (Δp)² of a pressure at the nodes.
 
         All terms of the sum are >= 0, so that the relative rounding error of the sum is small.
         """
@@ -163,20 +132,32 @@ class Stencil:
         return self.along * drop_along**2, self.across * drop_across**2
 
     def to_csr(self) -> sp.csr_array:
-        """Assemble the sparse matrix of all nodes, including inlet and outlet."""
-        rows, n2 = self.nodes
-        size = rows * n2
-        both_axes = self.links()
-        c = np.concatenate([links.conductance.ravel() for links in both_axes])
-        a = np.concatenate([links.start.ravel() for links in both_axes])
-        b = np.concatenate([links.end.ravel() for links in both_axes])
-        chosen = (c != 0) & (a != b)
-        c, a, b = c[chosen], a[chosen], b[chosen]
-        # each link (a, b) has two entries beside the diagonal and contributes to the diagonal of both its nodes
-        entries = np.concatenate([-c, -c, c, c])
-        i = np.concatenate([a, b, a, b])
-        j = np.concatenate([b, a, a, b])
-        return sp.coo_array((entries, (i, j)), shape=(size, size)).tocsr()
+        """Assemble the sparse matrix of all nodes, including inlet and outlet.
+
+        The node in row i and column j has the number i n2 + j.
+        """
+        node = np.arange(np.prod(self.nodes)).reshape(self.nodes)
+        m2 = self.across.shape[1]
+        inside = node[1:-1]
+        conductance = np.concatenate([self.along.ravel(), self.across.ravel()])
+        start = np.concatenate([node[:-1].ravel(), inside[:, :m2].ravel()])
+        end = np.concatenate([node[1:].ravel(), np.roll(inside, -1, axis=1)[:, :m2].ravel()])
+        return network_matrix(conductance, start, end, node.size)
+
+
+def network_matrix(conductance: Array, start: Indices, end: Indices, nodes: int) -> sp.csr_array:
+    """Assemble the symmetric matrix (nodes, nodes) of a network of links.
+
+    conductance, start, end : arrays (links,), conductance and the two nodes of each link. A closed link, or a link from
+        a node to itself, has no effect.
+    """
+    chosen = (conductance != 0) & (start != end)
+    c, a, b = conductance[chosen], start[chosen], end[chosen]
+    # each link (a, b) has two entries beside the diagonal and contributes to the diagonal of both its nodes
+    entries = np.concatenate([-c, -c, c, c])
+    i = np.concatenate([a, b, a, b])
+    j = np.concatenate([b, a, a, b])
+    return sp.coo_array((entries, (i, j)), shape=(nodes, nodes)).tocsr()
 
 
 @compiled()
@@ -339,8 +320,8 @@ def gap_on_rows(first, end, gap, ring1, ring2, on1, on2):
         # Four pixels around link i, which lies between the second and the third of these pixels. In a ring, the second
         # and the third pixel are i and i + 1. Without a ring they are i − 1 and i, because link 0 is at the inlet.
         start = i - 1 if ring1 else i - 2
-        rows = [_inside(start + k, n1, ring1) for k in range(4)]
-        before, a, b, after = gap[rows[0]], gap[rows[1]], gap[rows[2]], gap[rows[3]]
+        four = [_inside(start + k, n1, ring1) for k in range(4)]
+        before, a, b, after = gap[four[0]], gap[four[1]], gap[four[2]], gap[four[3]]
         for j in range(n2):
             on1[i, j] = _midway(before[j], a[j], b[j], after[j])
     for i in range(first, end):

@@ -10,6 +10,7 @@ The equivalent gap is computed at the pixels, and interpolated between the pixel
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import log, pi, sqrt
@@ -94,7 +95,7 @@ class FlowLaw(ABC):
     >>> import femseal as fs
     >>> @dataclass(frozen=True)
     ... class Hindered(fs.FlowLaw):
-    ...     length = "size"  # name of the parameter that sets the characteristic length
+    ...     scale_parameter = "size"  # name of the parameter that sets the characteristic length
     ...     size: float  # [m]
     ...
     ...     def factor(self, gap, pressure=0.0):
@@ -105,19 +106,26 @@ class FlowLaw(ABC):
     0.5
     """
 
-    #: Name of the parameter, of the law and of the fluid, that sets the characteristic length of the law, such as a
-    #: slip length; "" if the law has no characteristic length.
-    length: ClassVar[str] = "length"
+    #: Name of the parameter, of the law and of the fluid, to which the characteristic length of the law is
+    #: proportional, such as "slip_length", or "viscosity" for the mean free path of a gas; "" if there is none.
+    scale_parameter: ClassVar[str] = ""
+    #: Whether K(s h) = s³ K(h) for every factor s. The flow through the gap s h is then s³ times the flow through h.
+    homogeneous: ClassVar[bool] = False
     #: Whether K depends on the pressure. Pressure and permeability are then computed by a fixed-point iteration.
     depends_on_pressure: ClassVar[bool] = False
 
-    @property
-    def homogeneous(self) -> bool:
-        """Whether K(s h) = s³ K(h) for every factor s.
-
-        With a homogeneous flow law, the flow through the gap s h is s³ times the flow through the gap h.
-        """
-        return not self.length
+    def __init_subclass__(cls, **options: Any) -> None:
+        """Accept the former name `length` of `scale_parameter`."""
+        super().__init_subclass__(**options)
+        former = cls.__dict__.get("length")
+        if isinstance(former, str):
+            warnings.warn(
+                "length is scale_parameter now; also set homogeneous = True if it is empty",
+                DeprecationWarning,
+                stacklevel=2,
+            )
+            cls.scale_parameter = former
+            cls.homogeneous = not former
 
     @abstractmethod
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
@@ -139,7 +147,7 @@ class FlowLaw(ABC):
             divide="ignore", invalid="ignore"
         ):  # the factor is not used where the gap is 0
             factor = self.factor(h, p)
-        return widened(h, factor)
+        return gap_with_factor(h, factor)
 
     def gap(self, permeability: float, pressure: float = 0.0) -> float:
         """Compute the gap [m] that has a given permeability > 0 [m³], by the secant method in ln h."""
@@ -159,7 +167,7 @@ class CubicLaw(FlowLaw):
     Source: Reynolds, Phil. Trans. R. Soc. 177, 1886, 157.
     """
 
-    length: ClassVar[str] = ""
+    homogeneous: ClassVar[bool] = True
 
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
         """Return ones."""
@@ -180,7 +188,7 @@ class SlipLength(FlowLaw):
     Source: Navier's condition; Lauga, Brenner & Stone, Springer Handbook of Experimental Fluid Mechanics, 2007, 1219.
     """
 
-    length: ClassVar[str] = "slip_length"
+    scale_parameter: ClassVar[str] = "slip_length"
     slip_length: float
 
     def factor(self, gap: ArrayLike, pressure: ArrayLike = 0.0) -> Array:
@@ -197,7 +205,7 @@ class FukuiKaneko(FlowLaw):
     speed : most probable speed √(2R_sT) of the gas molecules [m/s].
     """
 
-    length: ClassVar[str] = "viscosity"
+    scale_parameter: ClassVar[str] = "viscosity"
     depends_on_pressure: ClassVar[bool] = True
     viscosity: float
     speed: float
@@ -224,7 +232,7 @@ def law_of(fluid: Any) -> FlowLaw:
     return getattr(fluid, "law", CUBIC_LAW)
 
 
-def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
+def checked_equivalent_gap(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
     """Compute the equivalent gap [m] of a gap (n1, n2) [m] for a flow law, after a check of the law and the pressure.
 
     pressure : fluid pressure [Pa], a number or an array (n1, n2); only used if the flow law depends on the pressure.
@@ -253,7 +261,7 @@ def gap_by_law(gap: Array, law: FlowLaw, pressure: ArrayLike | None) -> Array:
     return law.equivalent_gap(gap, p)
 
 
-def widened(gap: Array, factor: ArrayLike) -> Array:
+def gap_with_factor(gap: Array, factor: ArrayLike) -> Array:
     """Compute the gap [m] whose permeability by the cubic law is (h³/12) F with a factor F > 0; 0 where h is 0.
 
     Raises

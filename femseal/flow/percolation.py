@@ -164,12 +164,14 @@ def _ends_of_label(parent, a):
 
 
 @contextmanager
-def closed(stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0) -> Iterator[None]:
-    """Close some links of a stencil during a `with` block.
+def closed_in_place(
+    stencil: Stencil, keep: NDArray[np.bool_] | None, least: float = 0.0
+) -> Iterator[None]:
+    """Close some links of a stencil during a `with` block, at whose end they have their conductances again.
 
     A link is closed if one of its nodes is not marked in `keep`, or if its conductance is below `least`. If `keep` is
-    None, no link is closed. To save memory, the arrays of the stencil are changed in place, and only the conductances
-    of the closed links are copied.
+    None, no link is closed. The arrays of the stencil are changed in place, because a copy would need as much memory as
+    the conductances of a whole face; only the conductances of the closed links are copied.
 
     keep : flags (n1 + 1, n2) of the nodes whose links remain open, or None.
     """
@@ -214,7 +216,7 @@ def _restrict(begin, end, along, across, keep, first, second):
 
 
 class PreparedLinks(NamedTuple):
-    """Links of a stencil in the form that the fast solvers require, see `prepare_links`.
+    """Links of a stencil in the form that the fast solvers require, see `prepare_links_in_place`.
 
     along, across : conductances divided by 2^exponent, in the shapes of `Stencil`. If inlet and outlet are connected,
         the links of all nodes that are not connected to both inlet and outlet are closed.
@@ -234,8 +236,8 @@ class PreparedLinks(NamedTuple):
         return bool(self.reached[0, 0] == BOTH_ENDS)
 
 
-def prepare_links(along: Array, across: Array) -> PreparedLinks:
-    """Prepare the conductances of a stencil for `solve_prepared`; the arrays `along` and `across` are overwritten.
+def prepare_links_in_place(along: Array, across: Array) -> PreparedLinks:
+    """Prepare the conductances of a stencil for `solve_in_place`, in the arrays `along` and `across` themselves.
 
     In a network that connects inlet and outlet, the links of all nodes that are not connected to both inlet and outlet
     are closed. The conductances are divided by a power of two near the largest conductance.

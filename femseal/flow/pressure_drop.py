@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base import Array, reals
 from ..base.fixed_point import fixed_point
-from .law import CUBIC_LAW, FlowLaw, law_of, widened
+from .law import CUBIC_LAW, FlowLaw, gap_with_factor, law_of
 from .percolation import critical_constriction
 from .permeability_table import Mobility, table_pressures
 
@@ -90,8 +90,10 @@ def pressure_between(
 class PressureDrop:
     """Pressure drop of a fluid between inlet and outlet, described by the potential ψ of a reference gap.
 
-    A pressure p is given as the fraction (ψ(p) − ψ(outlet))/(ψ(inlet) − ψ(outlet)), which is 0 at the outlet and 1 at
-    the inlet. If the flow law does not depend on the pressure, ψ is the viscous potential φ.
+    A pressure p is given as the ψ fraction (ψ(p) − ψ(outlet))/(ψ(inlet) − ψ(outlet)), which is 0 at the outlet and 1
+    at the inlet. The φ fraction is the same fraction of the viscous potential φ. If the flow law does not depend on the
+    pressure, ψ is equal to φ. The default attributes describe the unit drop of a viscous fluid, whose pressures are
+    never needed.
 
     Attributes
     ----------
@@ -131,50 +133,6 @@ class PressureDrop:
         if not self.law.depends_on_pressure:
             return np.array([self.inlet])
         return table_pressures(self.inlet, self.outlet)
-
-    def solve_face(
-        self,
-        gap: Array,
-        spacing: tuple[float, float],
-        solve: Callable[[Array], tuple[float, Array, FaceSolution]],
-        rtol: float,
-    ) -> tuple[FaceSolution, PressureDrop]:
-        """Solve the flow through a face whose permeability may depend on the local fluid pressure.
-
-        The face is periodic along x2.
-
-        Parameters
-        ----------
-        gap : array (n1, n2), gap [m].
-        spacing : lengths of a pixel [m].
-        solve : function that solves the flow through a gap [m] by the cubic law. The function returns the permeability,
-            the potential at the pixels, and an object that describes the whole solution.
-        rtol : relative error at which the fixed-point iteration stops; not used if the flow law does not depend on the
-            pressure.
-
-        Returns
-        -------
-        Solution returned by the last call of `solve`, and pressure drop with the reference gap of the face. The
-        potential in the solution is a fraction of the drop of ψ. To get the permeability of the face, multiply the
-        permeability in the solution by the `mean_factor` of the returned pressure drop.
-
-        Raises
-        ------
-        NotConverged : the linear solver failed, or the fixed-point iteration did not converge.
-        """
-        drop = self.at_constriction(gap, spacing)
-        if not drop.law.depends_on_pressure:
-            _, _, solution = solve(drop.law.equivalent_gap(gap))
-            return solution, drop
-        start = 0.5  # at first, the potential is in the middle of its drop at all pixels
-        solved = fixed_point(
-            lambda fraction: drop.equivalent_gap(gap, fraction),
-            solve,
-            start,
-            rtol=rtol,
-            name="flow through a face",
-        )
-        return solved.solution, drop
 
     def at_constriction(self, gap: Array, spacing: tuple[float, float]) -> PressureDrop:
         """Return the same pressure drop, but with the gap at the critical constriction of a face as the reference gap.
@@ -251,47 +209,92 @@ class PressureDrop:
         """
         return replace(self, gap=max(gap, _LEAST_GAP)).mean_factor
 
-    def pressure(self, fraction: ArrayLike) -> Array:
-        """Compute the pressure [Pa] at a fraction of the drop of ψ, from 0 at the outlet to 1 at the inlet."""
+    def pressure(self, ψ_fraction: ArrayLike) -> Array:
+        """Compute the pressure [Pa] at a ψ fraction, from 0 at the outlet to 1 at the inlet."""
         ψ, _, p = self._table
         if ψ[-1] == 0:
-            return np.full(np.shape(fraction), self.inlet)
-        return np.interp(reals(fraction), ψ / ψ[-1], p)
+            return np.full(np.shape(ψ_fraction), self.inlet)
+        return np.interp(reals(ψ_fraction), ψ / ψ[-1], p)
 
-    def viscous_fraction(self, fraction: ArrayLike) -> Array:
-        """Convert a fraction of the drop of ψ to the corresponding fraction of the drop of the viscous potential φ."""
+    def φ_fraction(self, ψ_fraction: ArrayLike) -> Array:
+        """Convert a ψ fraction to the φ fraction at the same pressure."""
         if not self.law.depends_on_pressure:
-            return np.asarray(fraction)
+            return np.asarray(ψ_fraction)
         ψ, φ, _ = self._table
         if ψ[-1] == 0:
-            return reals(fraction)
-        return np.interp(reals(fraction), ψ / ψ[-1], φ / φ[-1])
+            return reals(ψ_fraction)
+        return np.interp(reals(ψ_fraction), ψ / ψ[-1], φ / φ[-1])
 
     def steepness(self, first: Array, second: Array) -> Array:
         """Compute Δψ/Δφ between two pressures, or dψ/dφ where the two pressures are equal.
 
-        first, second : the two pressures, each given as a fraction of the drop of ψ (0 at the outlet, 1 at the inlet).
+        first, second : ψ fractions of the two pressures.
         """
-        drop = first - second
-        viscous_drop = self.viscous_fraction(first) - self.viscous_fraction(second)
-        is_apart = np.abs(viscous_drop) > 1e-9
+        ψ_drop = first - second
+        φ_drop = self.φ_fraction(first) - self.φ_fraction(second)
+        is_apart = np.abs(φ_drop) > 1e-9
         derivative = self._factor(self.pressure(0.5 * (first + second)))
-        ratio = self.mean_factor * drop / np.where(is_apart, viscous_drop, 1.0)
+        ratio = self.mean_factor * ψ_drop / np.where(is_apart, φ_drop, 1.0)
         return np.where(is_apart, ratio, derivative)
 
-    def equivalent_gap(self, gap: Array, fraction: ArrayLike) -> Array:
+    def gap_for_ψ(self, gap: Array, ψ_fraction: ArrayLike) -> Array:
         """Compute the gap [m] whose permeability by the cubic law is (h³/12) F(h, p)/F(h₀, p).
 
         gap : array (n1, n2), gap h [m].
-        fraction : potential at the pixels, as a fraction of the drop of ψ. The pressure p is computed from `fraction`.
-            NaN is replaced by 0.5.
+        ψ_fraction : ψ fraction at the pixels, from which the pressure p is computed; NaN is replaced by 0.5.
         """
-        p = self.pressure(np.nan_to_num(reals(fraction), nan=0.5))
+        p = self.pressure(np.nan_to_num(reals(ψ_fraction), nan=0.5))
         p = np.maximum(p, self.least_pressure)
         # F may be infinite in closed gaps; any other gap will do there, because they stay closed
         open_gap = np.where(gap > 0, gap, self.gap)
-        return widened(gap, self.law.factor(open_gap, p) / self._factor(p))
+        return gap_with_factor(gap, self.law.factor(open_gap, p) / self._factor(p))
 
 
 #: Unit potential drop of a viscous fluid.
 VISCOUS = PressureDrop()
+
+
+def solve_face(
+    drop: PressureDrop,
+    gap: Array,
+    spacing: tuple[float, float],
+    solve: Callable[[Array], tuple[float, Array, FaceSolution]],
+    rtol: float,
+) -> tuple[FaceSolution, PressureDrop]:
+    """Solve the flow through a face whose permeability may depend on the local fluid pressure.
+
+    The face is periodic along x2.
+
+    Parameters
+    ----------
+    drop : pressure drop of the fluid.
+    gap : array (n1, n2), gap [m].
+    spacing : lengths of a pixel [m].
+    solve : function that solves the flow through a gap [m] by the cubic law. The function returns the permeability, the
+        potential at the pixels, and an object that describes the whole solution.
+    rtol : relative error at which the fixed-point iteration stops; not used if the flow law does not depend on the
+        pressure.
+
+    Returns
+    -------
+    Solution returned by the last call of `solve`, and pressure drop with the reference gap of the face. The potential
+    in the solution is a ψ fraction. To get the permeability of the face, multiply the permeability in the solution by
+    the `mean_factor` of the returned pressure drop.
+
+    Raises
+    ------
+    NotConverged : the linear solver failed, or the fixed-point iteration did not converge.
+    """
+    drop = drop.at_constriction(gap, spacing)
+    if not drop.law.depends_on_pressure:
+        _, _, solution = solve(drop.law.equivalent_gap(gap))
+        return solution, drop
+    start = 0.5  # at first, the potential is in the middle of its drop at all pixels
+    solved = fixed_point(
+        lambda ψ_fraction: drop.gap_for_ψ(gap, ψ_fraction),
+        solve,
+        start,
+        rtol=rtol,
+        name="flow through a face",
+    )
+    return solved.solution, drop

@@ -9,9 +9,9 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from ..base import Array, Flags, Indices, Lengths, NotConverged, Pair
-from .grid import Stencil, gap_on_links, link_weights
-from .law import CUBIC_LAW, FlowLaw, cubic_law, gap_by_law
+from ..base import Array, Flags, Indices, Lengths, NotConverged, Shape
+from .grid import gap_on_links, link_weights, network_matrix
+from .law import CUBIC_LAW, FlowLaw, checked_equivalent_gap, cubic_law
 from .problem import (
     MAX_IMBALANCE,
     MESH_SOLVERS,
@@ -38,16 +38,33 @@ class _Components(NamedTuple):
 
 
 class _PeriodicLinks(NamedTuple):
-    """Open links of a doubly periodic network.
+    """Links of a doubly periodic network: first all links along x1, then all links along x2.
 
     start, end : arrays (links,), number of the first node and number of the second node of each link.
-    crossings : array (links, 2), how often each link, followed from `start` to `end`, crosses the periodic boundary of
-        each axis.
+    axis : array (links,), axis of each link.
+    crosses : flags (links,), whether each link crosses the periodic boundary of its axis.
     """
 
     start: Indices
     end: Indices
-    crossings: Indices
+    axis: Indices
+    crosses: Flags
+
+    @classmethod
+    def of_grid(cls, shape: Shape) -> _PeriodicLinks:
+        """List the links of a grid of nodes, in which each node is linked to the next node along both axes."""
+        node = np.arange(np.prod(shape)).reshape(shape)
+        row, column = np.indices(shape)
+        return cls(
+            start=np.tile(node.ravel(), 2),
+            end=np.concatenate([np.roll(node, -1, axis).ravel() for axis in (0, 1)]),
+            axis=np.repeat([0, 1], node.size),
+            crosses=np.concatenate([row == shape[0] - 1, column == shape[1] - 1]).ravel(),
+        )
+
+    def along_axes(self, values: ArrayLike) -> Array:
+        """Return an array (links, 2) with the value of each link in the column of its axis, and 0 in the other one."""
+        return np.where(self.axis[:, None] == [0, 1], np.reshape(values, (-1, 1)), 0.0)
 
 
 def permeability_tensor(
@@ -91,26 +108,31 @@ def permeability_tensor(
     (True, (2, 2))
     """
     h, (d1, d2) = validated_gap(gap, spacing)
-    h = gap_by_law(h, law, pressure)
+    h = checked_equivalent_gap(h, law, pressure)
     check_solver(solver, MESH_SOLVERS)
     n1, n2 = h.shape
     scale = float(h.max()) or 1.0
     d1, d2 = unit_spacing((d1, d2))
     k1, k2 = map(cubic_law, gap_on_links(h / scale, True, True))
-    label, component_percolates = _percolating_components(k1, k2)
-    percolates = component_percolates[label].reshape(n1, n2, 2)  # (row, column, axis)
-    carries_flow: Flags = np.any(percolates, axis=2)
+    links = _PeriodicLinks.of_grid((n1, n2))
+    is_open = np.concatenate([k1.ravel(), k2.ravel()]) > 0
+    label, component_percolates = _percolating_components(links, is_open, h.size)
+    percolates = component_percolates[label]  # (node, axis)
+    carries_flow: Flags = np.any(percolates, axis=1)
     if not carries_flow.any():
         return np.zeros((2, 2))
     weights = link_weights((d1, d2))
-    stencil = Stencil(
-        weights.along * np.where(carries_flow, k1, 0.0),
-        weights.across * np.where(carries_flow, k2, 0.0),
-        ring1=True,
-    )
+    conductance = np.where(
+        carries_flow, [weights.along * k1.ravel(), weights.across * k2.ravel()], 0.0
+    ).ravel()
     # axes along which no open path crosses the cell
-    closed: Flags = ~np.any(percolates, axis=(0, 1))
-    tensor, error = _solve_corrections(stencil, (d1, d2), label, carries_flow, closed, solver)
+    closed: Flags = ~np.any(percolates, axis=0)
+    # pressure drop over each link due to unit mean gradients along both axes, (link, axis)
+    mean_drop = links.along_axes(np.take((d1, d2), links.axis))
+    # the correction is defined up to a constant in each component, and is set to 0 at one node of each
+    is_unknown = carries_flow.copy()
+    is_unknown[_first_nodes(label)] = False
+    tensor, error = _solve_corrections(links, conductance, mean_drop, is_unknown, closed, solver)
     if not error <= MAX_IMBALANCE:
         raise NotConverged(
             f"flow: energy and mean flux of the cell differ by {error:.1e}; the contrast is too high",
@@ -120,10 +142,10 @@ def permeability_tensor(
 
 
 def _solve_corrections(
-    stencil: Stencil,
-    spacing: Pair,
-    label: Indices,
-    carries_flow: Flags,
+    links: _PeriodicLinks,
+    conductance: Array,
+    mean_drop: Array,
+    is_unknown: Flags,
     closed: Flags,
     solver: str,
 ) -> tuple[Array, float]:
@@ -134,10 +156,10 @@ def _solve_corrections(
 
     Parameters
     ----------
-    stencil : conductances of the links between the nodes.
-    spacing : lengths of a pixel along x1 and x2.
-    label : array (nodes,), number of the connected component of each node.
-    carries_flow : flags (n1, n2) of the nodes that carry flow.
+    links : links of the network.
+    conductance : array (links,), conductance of each link.
+    mean_drop : array (links, 2), pressure drop over each link due to unit mean gradients along the two axes.
+    is_unknown : flags (nodes,) of the nodes at which χ is computed; at all other nodes χ is 0.
     closed : flags (2,) of the axes along which nothing flows.
     solver : name of the linear solver.
 
@@ -147,20 +169,11 @@ def _solve_corrections(
     estimated in two ways, and the smaller estimate is returned: the difference between the energy and the mean flux,
     and the difference between the energies of two successive solutions.
     """
-    size = carries_flow.size
-    both_axes = stencil.links()
-    c = np.concatenate([links.conductance.ravel() for links in both_axes])[:, None]  # (link, 1)
-    start = np.concatenate([links.start.ravel() for links in both_axes])
-    end = np.concatenate([links.end.ravel() for links in both_axes])
-    # pressure drop over each link due to unit mean gradients along both axes, (link, axis)
-    mean_drop = np.concatenate(
-        [np.full((links.start.size, 2), np.multiply(links.step, spacing)) for links in both_axes]
-    )
-    # the correction is defined up to a constant in each component, and is set to 0 at one node of each
-    is_fixed = np.zeros(size, bool)
-    is_fixed[_first_nodes(label)] = True
-    unknown = np.flatnonzero(carries_flow.ravel() & ~is_fixed)
-    matrix = stencil.to_csr()[unknown][:, unknown]
+    size = is_unknown.size
+    start, end = links.start, links.end
+    c = conductance[:, None]  # (link, 1)
+    unknown = np.flatnonzero(is_unknown)
+    matrix = network_matrix(conductance, start, end, size)[unknown][:, unknown]
     drop = mean_drop
     correction = np.zeros((size, 2))  # (node, axis of the mean gradient)
     error = np.inf
@@ -194,7 +207,7 @@ def _solve_corrections(
     return previous, error
 
 
-def _percolating_components(c1: Array, c2: Array) -> _Components:
+def _percolating_components(links: _PeriodicLinks, is_open: Flags, nodes: int) -> _Components:
     """Find the connected components of a doubly periodic network, and the axes along which each component percolates.
 
     A component percolates along an axis if it contains a closed loop that crosses the periodic boundary of the axis;
@@ -202,36 +215,19 @@ def _percolating_components(c1: Array, c2: Array) -> _Components:
     spanning tree to each node are counted. Let n_a and n_b be the counts at two nodes a and b. A link from a to b
     closes a percolating loop unless n_b − n_a is equal to the number of crossings of the link.
 
-    c1 : array (n1, n2), conductance of the link from node (i, j) to node (i + 1, j); the rows are periodic.
-    c2 : array (n1, n2), conductance of the link from node (i, j) to node (i, j + 1); the columns are periodic.
+    links : links of the network.
+    is_open : flags (links,) of the links with a conductance > 0.
+    nodes : number of nodes.
     """
-    links = _open_periodic_links(c1, c2)
-    graph = sp.coo_array(
-        (np.ones(links.start.size), (links.start, links.end)), shape=(c1.size,) * 2
-    )
+    start, end = links.start[is_open], links.end[is_open]
+    crossings = links.along_axes(links.crosses).astype(np.int64)[is_open]  # (open link, axis)
+    graph = sp.coo_array((np.ones(start.size), (start, end)), shape=(nodes, nodes))
     count, label = connected_components(graph, directed=False)
-    crossings = _crossings_from_roots(links, _first_nodes(label), c1.size)
-    closes_loop = crossings[links.start] + links.crossings != crossings[links.end]
+    from_root = _crossings_from_roots(start, end, crossings, _first_nodes(label), nodes)
+    closes_loop = from_root[start] + crossings != from_root[end]
     percolates = np.zeros((count, 2), bool)
-    np.logical_or.at(percolates, label[links.start], closes_loop)
+    np.logical_or.at(percolates, label[start], closes_loop)
     return _Components(label, percolates)
-
-
-def _open_periodic_links(c1: Array, c2: Array) -> _PeriodicLinks:
-    """List the links with a conductance > 0 of a doubly periodic network, see `_percolating_components`."""
-    node = np.arange(c1.size).reshape(c1.shape)
-    start = []
-    end = []
-    crossings = []
-    for axis, c in enumerate((c1, c2)):
-        is_open = c > 0
-        is_last = np.indices(c.shape)[axis] == c.shape[axis] - 1
-        crosses = np.zeros((*c.shape, 2), np.int64)  # (row, column, axis of the boundary)
-        crosses[is_last, axis] = 1
-        start.append(node[is_open])
-        end.append(np.roll(node, -1, axis)[is_open])
-        crossings.append(crosses[is_open])
-    return _PeriodicLinks(np.concatenate(start), np.concatenate(end), np.concatenate(crossings))
 
 
 def _first_nodes(label: Indices) -> Indices:
@@ -240,12 +236,16 @@ def _first_nodes(label: Indices) -> Indices:
     return first
 
 
-def _crossings_from_roots(links: _PeriodicLinks, roots: Indices, n: int) -> Indices:
+def _crossings_from_roots(
+    start: Indices, end: Indices, link_crossings: Indices, roots: Indices, n: int
+) -> Indices:
     """Count the crossings of the periodic boundaries on the path from the root of a spanning tree to each node.
 
     Parameters
     ----------
-    links : open links of the network.
+    start, end : arrays (links,), first node and second node of each open link.
+    link_crossings : array (links, 2), how often each link, followed from `start` to `end`, crosses the boundary of each
+        axis.
     roots : root of the spanning tree of each connected component.
     n : number of nodes.
 
@@ -255,15 +255,15 @@ def _crossings_from_roots(links: _PeriodicLinks, roots: Indices, n: int) -> Indi
     counts as −1. Row n of the array belongs to an additional node, which is linked to all roots.
     """
     # an additional node n is linked to the roots, so that a single search finds the trees of all components
-    i = np.concatenate([links.start, np.full(roots.size, n)])
-    j = np.concatenate([links.end, roots])
+    i = np.concatenate([start, np.full(roots.size, n)])
+    j = np.concatenate([end, roots])
     graph = sp.coo_array((np.ones(i.size), (i, j)), shape=(n + 1, n + 1)).tocsr()
     _, parent = breadth_first_order(graph, n, directed=False)
     parent[n] = n
     crossings = np.zeros((n + 1, 2), np.int64)  # at first, of the link from the parent to each node
-    for a, b, sign in ((links.start, links.end, 1), (links.end, links.start, -1)):
+    for a, b, sign in ((start, end, 1), (end, start, -1)):
         is_in_tree = parent[b] == a
-        crossings[b[is_in_tree]] = sign * links.crossings[is_in_tree]
+        crossings[b[is_in_tree]] = sign * link_crossings[is_in_tree]
     # add the crossings of the ancestors; each step doubles the number of links that have been added up
     while (parent != n).any():
         crossings += crossings[parent]

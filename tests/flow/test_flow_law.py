@@ -53,6 +53,28 @@ class SwellingLiquid:
         return 1e-6 * np.asarray(potential, dtype=float)
 
 
+def test_the_former_name_of_the_scale_parameter_is_accepted():
+    with pytest.warns(DeprecationWarning, match="length is scale_parameter now"):
+
+        class Former(SlipLength):
+            length = "slip_length"
+
+    with pytest.warns(DeprecationWarning, match="homogeneous = True"):
+
+        class FormerCubic(Swelling):
+            length = ""
+
+    assert (Former.scale_parameter, Former.homogeneous) == ("slip_length", False)
+    assert (FormerCubic.scale_parameter, FormerCubic.homogeneous) == ("", True)
+
+    @dataclass(frozen=True)
+    class WithLength(Swelling):
+        length: float = 1.0  # a field of this name is no name of a parameter
+
+    assert not WithLength.homogeneous
+    assert not WithLength.scale_parameter
+
+
 LAWS = [CUBIC_LAW, SlipLength(SLIP), HELIUM.law]
 
 
@@ -74,7 +96,7 @@ def test_a_law_without_a_length_is_homogeneous(law):
     )
     assert same == law.homogeneous == (law == CUBIC_LAW)
     if not law.homogeneous:
-        longer = replace(law, **{law.length: 3 * getattr(law, law.length)})
+        longer = replace(law, **{law.scale_parameter: 3 * getattr(law, law.scale_parameter)})
         assert_allclose(
             longer.permeability(3 * gap, p), 27 * law.permeability(gap, p), rtol=1e-9, atol=0
         )

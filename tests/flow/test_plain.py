@@ -65,6 +65,17 @@ def test_the_plain_path_is_exactly_zero_where_a_gap_is_closed(solver):
     assert cell_permeability(np.zeros((4, 4)), (1e-6, 1e-6), solver=solver).value == 0.0
 
 
+def test_a_factorisation_is_accurate_for_gaps_of_very_different_size():
+    """Sums of conductances of 1 and 1e-21 have lost the narrow links."""
+    is_wide = np.random.default_rng(3).random((20, 20)) < 0.5
+    gap = np.where(is_wide, 1e-6, 1e-13)
+    exact, direct = (
+        cell_permeability(gap, (1e-6, 1e-6), solver=solver).value
+        for solver in ("elimination", "direct")
+    )
+    assert_allclose(direct, exact, rtol=1e-9)
+
+
 @pytest.mark.parametrize("sides", SIDES)
 def test_the_plain_path_of_a_uniform_gap_is_the_cubic_law(sides):
     for axis in (0, 1):

@@ -139,7 +139,13 @@ def effective_link(stencil):
     inner = (n1 - 1) * n2
     number = np.r_[np.full(n2, inner), np.arange(inner), np.full(n2, inner + 1)]
     links = np.zeros((inner + 2, inner + 2), np.longdouble)
-    for c, a, b, _ in stencil.links():
+    node = np.arange(number.size).reshape(n1 + 1, n2)
+    beside = np.roll(node, -1, axis=1)
+    m2 = stencil.across.shape[1]
+    for c, a, b in (
+        (stencil.along, node[:-1], node[1:]),
+        (stencil.across, node[1:-1, :m2], beside[1:-1, :m2]),
+    ):
         np.add.at(links, (number[a.ravel()], number[b.ravel()]), c.ravel())
     links += links.T
     np.fill_diagonal(links, 0)

@@ -14,7 +14,7 @@ from femseal import analytic
 from femseal.base import FemsealError, InputError, NotConverged
 from femseal.flow import cell_permeability
 from femseal.flow.cell import cell_stencil
-from femseal.flow.law import gap_by_law
+from femseal.flow.law import checked_equivalent_gap
 from femseal.gases import IdealGas
 from femseal.loads import LoadProgramme
 from femseal.seal.tiles import face_tiles
@@ -117,7 +117,7 @@ def test_a_face_that_is_all_plastic_seals():
 
 def core_permeability(cell, spacing, axis=0, **fluid):
     """Permeability of the core of a cell with overlaps, from the fluxes of its links by another sum."""
-    gap = gap_by_law(cell.field, **fluid) if fluid else cell.field
+    gap = checked_equivalent_gap(cell.field, **fluid) if fluid else cell.field
     pressure = cell_permeability(gap, spacing, axis=axis, solver="elimination").fluid_pressure
     if axis == 1:
         gap, pressure, spacing = gap.T, pressure.T, spacing[::-1]

@@ -16,7 +16,13 @@ import numpy as np
 from ...base import Array, Flags, NotConverged, validate
 from ...base.compiled import compiled
 from ..grid import Stencil
-from ..percolation import BOTH_ENDS, PreparedLinks, closed, nodes_reached, prepare_links
+from ..percolation import (
+    BOTH_ENDS,
+    PreparedLinks,
+    closed_in_place,
+    nodes_reached,
+    prepare_links_in_place,
+)
 from ..problem import FAST_SOLVERS, MAX_IMBALANCE, DarcyFlow, check_solver
 from .elimination import eliminate
 from .multigrid import BOUNDED_FROM, COARSEST_NODES, coarsest_nodes, solve_multigrid
@@ -91,11 +97,11 @@ def solve_flow(
     validate.tolerance("rtol", rtol)
     if field_rtol is not None:
         validate.tolerance("field_rtol", field_rtol)
-    links = prepare_links(stencil.along.copy(), stencil.across.copy())
-    return solve_prepared(links, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
+    links = prepare_links_in_place(stencil.along.copy(), stencil.across.copy())
+    return solve_in_place(links, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
 
 
-def solve_prepared(
+def solve_in_place(
     links: PreparedLinks,
     ring2: bool,
     *,
@@ -103,7 +109,7 @@ def solve_prepared(
     solver: str,
     field_rtol: float | None,
 ) -> DarcyFlow:
-    """Solve the flow through a network of links that `prepare_links` has prepared.
+    """Solve the flow through a network of links that `prepare_links_in_place` has prepared; its arrays are reused.
 
     The prepared conductances are divided by 2^exponent, so that the conductance of the network is multiplied by
     2^exponent at the end. For a unit potential drop, the conductance of a network is equal to its energy Σ c (Δφ)².
@@ -242,14 +248,14 @@ def _solve_by_multigrid(
     # isolated nodes, and nodes whose links remain open for multigrid; None if multigrid can solve all nodes
     isolated: Flags | None = None
     through: Flags | None = None
-    # the largest conductance is close to 1, because `prepare_links` has scaled the conductances
+    # the largest conductance is close to 1, because `prepare_links_in_place` has scaled the conductances
     has_narrow_links = any(
         ((c > 0) & (c < CONTRIBUTING)).any() for c in (stencil.along, stencil.across)
     )
     if has_narrow_links:
         isolated, through = _isolated_nodes(stencil, keep)
     lower_bound = 0.0
-    with closed(stencil, through, RESOLVED):
+    with closed_in_place(stencil, through, RESOLVED):
         solution = solve_multigrid(stencil, rtol, limit, isolated, field_rtol, bounded_from)
         potential, error = solution.potential, solution.error
         if isolated is not None:
