@@ -2,11 +2,14 @@
 
 `sources.py` lists all error sources, both for a run and for the forecast of its cost. Each error source names the
 modified versions of the input that must be solved (`versions.py`), and estimates its error from their leakages, which
-`evaluation.py` solves. `budgets.py` makes one error budget for the leakage of each study. `estimates.py`,
-`pixel_size.py` and `missing_waves.py` estimate its numerical errors, `changed_models.py` estimates the errors of the
-model, and `error_parts.py` combines all error sources into one interval. `leakage_changes.py` makes an error source
-from the change of the leakage to a second solution. All errors are expressed on the logarithmic scale, as distances
-from ln(leakage), because the uncertainty of the leakage near closing is a factor rather than a difference.
+`evaluation.py` solves. `budgets.py` makes one error budget for the leakage of each study, and `error_parts.py` combines
+all error sources into one interval.
+
+`estimates.py`, `pixel_size.py`, `missing_waves.py` and `patch_errors.py` estimate the numerical errors and the error of
+a patch. `neglected_effects.py`, `plastic_law.py` and `changed_models.py` estimate the errors of the model.
+`leakage_changes.py` makes an error source from the change of the leakage to a second solution. All errors are expressed
+on the logarithmic scale, as distances from ln(leakage), because the uncertainty of the leakage near closing is a factor
+rather than a difference.
 """
 
 from typing import TYPE_CHECKING
@@ -23,17 +26,17 @@ if TYPE_CHECKING:
         opposite_matters,
     )
     from .error_parts import ErrorBudget, ErrorPart
-    from .estimates import (
-        effective_pressure_part,
-        error_budget,
-        longer_waves_part,
-        patch_form_part,
-        patches_to_halve,
-        thin_gap_part,
-    )
+    from .estimates import error_budget
     from .evaluation import BudgetRequest
     from .leakage_changes import CoarserSolution
     from .missing_waves import continuation_part
+    from .neglected_effects import (
+        effective_pressure_part,
+        longer_waves_part,
+        patch_form_part,
+        thin_gap_part,
+    )
+    from .patch_errors import patches_to_halve
     from .plastic_law import plastic_law_part
     from .sources import MODEL_PARTS, SOURCES, ErrorSource
     from .wide_intervals import VAGUE, WidestInterval, counting_steps, vague_steps, widest_interval

@@ -124,7 +124,7 @@ def _effective_pressure(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error of subtracting the fluid pressure from the load of a cell."""
-    from .estimates import effective_pressure_part
+    from .neglected_effects import effective_pressure_part
 
     return [effective_pressure_part(evaluation.request.version.scene, result)]
 
@@ -133,7 +133,7 @@ def _thin_gap(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error of Reynolds' equation in a gap that is not thin."""
-    from .estimates import thin_gap_part
+    from .neglected_effects import thin_gap_part
 
     return [thin_gap_part(evaluation.request.version.scene, result.predicted_leakage)]
 
@@ -153,7 +153,7 @@ def _form_of_the_patch(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error that arises because the curvature of a patch may be form deviation or roughness."""
-    from .estimates import patch_form_part
+    from .neglected_effects import patch_form_part
 
     version = evaluation.request.version
     effect = evaluation.request.form_effect
@@ -168,7 +168,7 @@ def _longer_waves(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
     """Estimate the error of leaving out waves longer than the measured patch, for realisations of a seal only."""
-    from .estimates import longer_waves_part
+    from .neglected_effects import longer_waves_part
 
     version = evaluation.request.version
     if result.realisation_count is None:

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from small_cases import steel_scene
 
 import femseal as fs
-from femseal.budget.estimates import calibrated_part
+from femseal.budget.patch_errors import calibrated_part
 from femseal.studies.patch_interval import (
     DIFFICULTY,
     KINDS,

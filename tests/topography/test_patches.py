@@ -11,7 +11,7 @@ from small_cases import STRIP, steel_scene
 import femseal as fs
 from femseal.budget import patches_to_halve
 from femseal.budget.error_parts import ErrorPart
-from femseal.budget.estimates import patches_part
+from femseal.budget.patch_errors import patches_part
 from femseal.case import parse_case
 from femseal.preparation import prepare
 from femseal.preparation.grooves import groove_pitch
