@@ -3,7 +3,7 @@
 import json
 import logging
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ from ..preparation.memory import START_MEMORY
 from ..preparation.prepared import Prepared
 from .settings import (
     Settings,
+    SettingsChange,
     apply_settings,
     expected_cost,
     finer_settings,
@@ -155,26 +156,26 @@ def refine_to_accuracy(case: Case, original: Prepared, run: Run) -> RefinedAnswe
     # the memory limit of a case includes the imported packages, which are not part of the free memory
     memory = free_memory() if case.memory is None else case.memory - START_MEMORY
     attempts = _Attempts(case, original, run, memory)
-    settings: Settings | None = first_settings(case, original)
+    chosen = SettingsChange(first_settings(case, original))
     reason = ""
-    change = ""
-    while settings is not None:
+    while chosen.settings is not None:
         try:
-            solved = attempts.attempt(settings)
+            solved = attempts.attempt(chosen.settings)
         except NotKept:
             raise  # the results cannot be stored, which more attempts would not change
         except FemsealError as error:
             if not attempts.done:
                 raise
             # the result of the last successful attempt is the answer
-            reason = f"{change} failed: {error}"
+            reason = f"{chosen.change} failed: {error}"
             break
         last = attempts.done[-1]
         log.info("attempt %d: %s", len(attempts.done), last)
         if last.half_width <= goal:
             break
-        settings, change, reason = attempts.next_settings(goal, time_limit)
-        log.info("next: %s", change or reason)
+        chosen = attempts.next_settings(goal, time_limit)
+        reason = chosen.reason
+        log.info("next: %s", chosen.change or reason)
     prepared, result, budget = solved
     can_halve_error, half_error = attempts.half_error()
     return RefinedAnswer(
@@ -235,23 +236,16 @@ class _Attempts:
         )
         return prepared, result, budget
 
-    def next_settings(self, goal: float, time_limit: float) -> tuple[Settings | None, str, str]:
+    def next_settings(self, goal: float, time_limit: float) -> SettingsChange:
         """Choose the settings of the next attempt.
 
         Parameters
         ----------
         goal : required half-width of the 95 % interval of ln(leakage).
         time_limit : longest time of all attempts together [s].
-
-        Returns
-        -------
-        settings : settings of the next attempt; None if there is no next attempt.
-        text : description of the change of the settings; "" if there is no next attempt.
-        reason : reason why there is no next attempt; "" if there is a next attempt.
         """
         last = self.done[-1]
-        chosen: Settings | None = None
-        text = ""
+        chosen: SettingsChange | None = None
         reasons: list[str] = []  # why errors cannot be reduced
         # the error sources, from the largest half-width to the smallest
         for part in sorted(last.parts, key=lambda name: -last.parts[name]):
@@ -259,23 +253,20 @@ class _Attempts:
             # still reduced, but only until they are below the goal.
             if reasons and last.parts[part] <= goal < max(last.parts.values()):
                 break
-            finer, change = finer_settings(
-                self.case, self.original, last.settings, part, self.memory
-            )
-            if finer is None:
-                reasons.append(f"{part}: {change}")
+            finer = finer_settings(self.case, self.original, last.settings, part, self.memory)
+            if finer.settings is None:
+                reasons.append(f"{part}: {finer.reason}")
                 continue
-            expected = self._expected_seconds(finer)
+            expected = self._expected_seconds(finer.settings)
             spent = sum(attempt.seconds for attempt in self.done)
             if spent + expected <= time_limit:
-                chosen = finer
-                text = f"{change}, for the error of {part}"
+                chosen = replace(finer, change=f"{finer.change}, for the error of {part}")
             else:
-                late = f"{change} would take about {duration(expected)}, after {duration(spent)}"
+                would_take = f"{finer.change} would take about {duration(expected)}"
+                late = f"{would_take}, after {duration(spent)}"
                 reasons.append(f"{part}: {late}, and the time limit is {duration(time_limit)}")
             break
-        reason = "; ".join(reasons) if chosen is None else ""
-        decision = (chosen, text, reason)
+        decision = chosen or SettingsChange(reason="; ".join(reasons))
         return self.run.decided("next attempt", self._so_far, decision)
 
     @property
@@ -286,12 +277,10 @@ class _Attempts:
     def half_error(self) -> tuple[bool, str]:
         """Say whether and by which settings the largest error of the last attempt can be halved, and in which time."""
         last = self.done[-1]
-        finer, change = finer_settings(
-            self.case, self.original, last.settings, last.limit, self.memory
-        )
-        if finer is None:
-            return False, f"not possible: {change}"
-        return True, f"{change}, about {duration(self._expected_seconds(finer))}"
+        finer = finer_settings(self.case, self.original, last.settings, last.limit, self.memory)
+        if finer.settings is None:
+            return False, f"not possible: {finer.reason}"
+        return True, f"{finer.change}, about {duration(self._expected_seconds(finer.settings))}"
 
     def _expected_seconds(self, settings: Settings) -> float:
         """Estimate the wall time of an attempt with other settings [s] from the measured time of the last attempt."""

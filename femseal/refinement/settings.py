@@ -175,9 +175,25 @@ def expected_cost(prepared: Prepared) -> StudyCost:
     return prepared.only_answer.cost(prepared.answer)
 
 
+@dataclass(frozen=True)
+class SettingsChange:
+    """Finer settings for a further attempt, or the reason why there are none.
+
+    Parameters
+    ----------
+    settings : finer settings; None if no settings are chosen.
+    change : description of the change; "" if no settings are chosen.
+    reason : reason why no settings are chosen; "" if there are settings.
+    """
+
+    settings: Settings | None = None
+    change: str = ""
+    reason: str = ""
+
+
 def finer_settings(
     case: Case, original: Prepared, settings: Settings, part: str, memory: float
-) -> tuple[Settings | None, str]:
+) -> SettingsChange:
     """Choose settings that approximately halve the error from one error source.
 
     Parameters
@@ -190,8 +206,7 @@ def finer_settings(
 
     Returns
     -------
-    The finer settings, and a text that describes the change. If the error cannot be reduced: None, and a text that
-    states the reason.
+    The finer settings, or the reason why the error cannot be reduced.
     """
     rtol = settings.rtol / 10
     grid = settings.grid + 1
@@ -215,21 +230,22 @@ def finer_settings(
         ),
     }
     if part not in refinements:
-        return None, _ADVICE.get(part, "no setting reduces this error")
+        return SettingsChange(reason=_ADVICE.get(part, "no setting reduces this error"))
     refinement = refinements[part]
     text = refinement.text
     case_key = given_settings(case).get(refinement.setting)
     if case_key is not None:
-        return None, f"{case_key} is given in the case"
+        return SettingsChange(reason=f"{case_key} is given in the case")
     if not refinement.is_allowed:
-        return None, f"{text} is finer than any attempt"
+        return SettingsChange(reason=f"{text} is finer than any attempt")
     finer = replace(settings, **{refinement.setting: refinement.value})
     _, needed = expected_cost(apply_settings(original, finer))
     if needed <= memory:
-        return finer, text
+        return SettingsChange(finer, change=text)
     needed_text = to_text(needed, "B", 3)
     memory_text = to_text(memory, "B", 3)
-    return None, f"{text} would take about {needed_text} of memory, expected {memory_text}"
+    reason = f"{text} would take about {needed_text} of memory, expected {memory_text}"
+    return SettingsChange(reason=reason)
 
 
 class _Refinement(NamedTuple):
