@@ -22,7 +22,13 @@ from ..fluids import leak_basis, potential_of
 from ..materials import Coated, Solid
 from ..scene.choices import FLUID_EFFECTS
 from ..seal.layouts import Layout, MeshLayout, parse_lay
-from ..studies.study_list import DEFAULT_STUDY, STUDY_NAMES, names_with, studies_named
+from ..studies.study_list import (
+    DEFAULT_STUDY,
+    STUDY_NAMES,
+    TWO_SCALE,
+    names_with,
+    studies_named,
+)
 from ..studies.study_type import Study
 from .completion import complete, least_detrend
 from .faces import Face, FileFace, SurfaceTable
@@ -127,7 +133,7 @@ class Case(Table):
         "how the leakage is computed", DEFAULT_STUDY.name, start=DEFAULT_STUDY.name
     )
     compare: tuple[Method, ...] = key(  # type: ignore[valid-type]
-        "further methods, for comparison", (), example=["two-scale"]
+        "further methods, for comparison", (), example=[TWO_SCALE.name]
     )
     accuracy: Accuracy | None = key(
         "relative numerical error that you want; settings that the case leaves open are "

@@ -20,6 +20,7 @@ from ..case.case import Case
 from ..case.reading import parse_case
 from ..case.template import as_toml
 from ..materials import VICKERS_PRESSURE, named_solid
+from ..studies.study_list import STOCHASTIC
 from ..topography.profile_roughness import profile_roughness
 from .drawing_check import spacing_of_periodic_marks
 from .drawing_values import Drawing, Plating
@@ -195,7 +196,7 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
         material["coating"] = _coating(drawing.plating, "plating_hardness" in drawing.assumed)
     tables: dict[str, Any] = {
         "title": "Seal from a drawing",
-        "method": "stochastic",
+        "method": STOCHASTIC.name,
         "seed": 1,
         "face": face,
         "material": material,
@@ -211,7 +212,7 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
             "outlet_pressure": drawing.outlet,
         },
         "seal": {"lay": lay},
-        "stochastic": stochastic,
+        STOCHASTIC.table: stochastic,
     }
     if drawing.limit:
         tables["output"] = {"classes": [drawing.limit]}
@@ -346,5 +347,5 @@ def _comments(drawing: Drawing, size: _SurfaceSize) -> dict[tuple[str, str], str
         ("fluid", "inlet_pressure"): f"{assumed('inlet')}absolute pressure",
         ("fluid", "outlet_pressure"): f"{assumed('outlet')}absolute pressure",
         ("seal", "lay"): lay_comment,
-        ("stochastic", "length"): length_comment,
+        (STOCHASTIC.table, "length"): length_comment,
     }

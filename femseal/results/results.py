@@ -29,6 +29,7 @@ from ..base.text import display_package
 from ..budget import ErrorBudget
 from ..loads import LoadProgramme
 from ..studies import FaceResult, Scene, StochasticResult, Study, StudyResult
+from ..studies.study_list import DETERMINISTIC, STOCHASTIC, TWO_SCALE
 from . import best_leakage, load_steps
 from .leakage_classes import tightest_classes
 from .run_pictures import RunPictures
@@ -64,17 +65,17 @@ class Results(Plotted):
     @property
     def deterministic(self) -> FaceResult | None:
         """Result of the deterministic study, if it was computed in this process."""
-        return self.studies.get("deterministic")  # type: ignore[return-value]
+        return self.studies.get(DETERMINISTIC.key)  # type: ignore[return-value]
 
     @property
     def two_scale(self) -> FaceResult | None:
         """Result of the two-scale study, if it was computed in this process."""
-        return self.studies.get("two_scale")  # type: ignore[return-value]
+        return self.studies.get(TWO_SCALE.key)  # type: ignore[return-value]
 
     @property
     def stochastic(self) -> StochasticResult | None:
         """Result of the stochastic study, if it was computed in this process."""
-        return self.studies.get("stochastic")  # type: ignore[return-value]
+        return self.studies.get(STOCHASTIC.key)  # type: ignore[return-value]
 
     # --- leakage --------------------------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from ..base import AnyPath, InputError
 from ..base.text import display_package
+from ..studies.study_list import TWO_SCALE
 
 
 class RunPictures:
@@ -88,7 +89,9 @@ class RunPictures:
             The run has no realisations, or no maps of the surface.
         """
         self._require("drawn_corners", "a stochastic run")
-        self._require("face_gap", "a run that also solved the surface, compare = ['two-scale']")
+        self._require(
+            "face_gap", f"a run that also solved the surface, compare = ['{TWO_SCALE.name}']"
+        )
         data = self._results.dataset
         chosen = display_package("plots").maps.default_step(data) if step is None else step
         return self._shown("realisation_figure", data, chosen)
