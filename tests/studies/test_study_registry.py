@@ -87,6 +87,6 @@ def test_a_study_is_one_class_and_one_entry(monkeypatch):
     assert results.method == "uniform-gap"
     np.testing.assert_array_equal(results.leakage, result.leakage)
     np.testing.assert_array_equal(results.dataset["uniform_gap"], result.gap)
-    assert "uniform-gap" in str(results.table())
+    assert "uniform-gap" in results.table()._repr_html_()
     assert [part.name for part in fs.error_budget(scene, result).parts] == ["solver"]
     assert result.plot().axes
