@@ -19,7 +19,7 @@ from ..contact import Bodies, HalfSpace, solve_contact
 from ..contact.law import ContactLaw
 from ..flow import cell_permeability
 from ..topography import Surface
-from ..topography.defects import fit_form
+from ..topography.form_fit import fit_form
 from .quick_estimate import first_to_last
 
 #: Number of points along the longer side of a single patch. If a surface has several patches, each patch has fewer

@@ -14,6 +14,7 @@ from ..base.lazy_package import lazy
 if TYPE_CHECKING:
     from .combined import Overlap, combine
     from .conditioning import Conditioning, condition, smooth
+    from .continuation import Continuation, continuation_of, continue_spectrum
     from .defects import SPIKES, TooManyUndefined
     from .describe import SurfaceReport, describe_surface
     from .generate import self_affine, turned
@@ -26,19 +27,13 @@ if TYPE_CHECKING:
         resolving_shape,
     )
     from .instrument_limits import Instrument
+    from .longest_waves import Representative, representative
     from .patches import Patches, Places, Surface
+    from .power_spectrum import spectrum
     from .raw import NO_VALUE
     from .read import Look, read_for_a_look, read_measured, read_topography
     from .repairs import Repair, repair, spikes_extreme
     from .seat import BallOnCone, CrownedSeat, FlatSeat, ProfileSeat, RoundedSeat, Seat, TiltedSeat
-    from .texture import spectrum
     from .topography import Topography
-    from .unmeasured import (
-        Continuation,
-        Representative,
-        continuation_of,
-        continue_spectrum,
-        representative,
-    )
 else:
     __getattr__, __dir__ = lazy(__name__)

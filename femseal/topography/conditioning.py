@@ -15,7 +15,8 @@ from math import atan, hypot, sqrt
 from typing import Literal
 
 from ..base import InputError, Labelled, Pair, Shape, counted, labelled, to_text, validate
-from .defects import SPIKES, Form
+from .defects import SPIKES
+from .form_fit import Form
 from .grid_choice import check_wave, default_points, default_wave
 from .instrument_limits import UNKNOWN, UNSEEN, Instrument
 from .patches import Patches, Surface

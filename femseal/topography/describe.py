@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 from ..base import Labelled, Pair, Shape, labelled
 from .defects import SPIKES
 from .patches import check_single_patch
+from .power_spectrum import NO_LAW, spectrum
 from .profile_roughness import height_moments, standard_profile_parameters
 from .repairs import repair
 from .roughness_filters import STANDARD_CUT_OFFS, gaussian_filter
-from .texture import NO_LAW, spectrum, texture
+from .texture import texture
 from .topography import Topography
 
 

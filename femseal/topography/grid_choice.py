@@ -9,7 +9,7 @@ import scipy
 from ..base import InputError, Pair, Shape, to_text, validate
 from .instrument_limits import Instrument
 from .patches import Surface
-from .texture import spectrum
+from .power_spectrum import spectrum
 from .waves import SLACK
 
 #: Default number of pixels per shortest wave, which is enough to resolve contact and flow. If the pixels are not

@@ -17,7 +17,7 @@ from math import pi
 import numpy as np
 
 from .patches import Surface
-from .texture import Spectrum, spectrum
+from .power_spectrum import Spectrum, spectrum
 from .topography import Topography
 
 #: Waves that the instrument does not resolve count as removed, down to the shortest resolved wave divided by this

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import InputError, as_text, counted
-from .defects import fit_form
+from .form_fit import fit_form
 from .raw import NO_VALUE, bad_file
 
 #: Numbers that programs write where nothing was measured.

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from ..base import Array, InputError, Pair, Periodic, Plotted, Shape, counted, to_text
 from ..base.text import TextTable
-from .defects import SPIKES, fit_form
+from .defects import SPIKES
+from .form_fit import fit_form
 from .topography import Topography, facts_of
 
 #: Largest ratio of the pixel sizes of two patches of the same surface.

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, Flags
-from .defects import SPIKES, Form, TooManyUndefined
+from .defects import SPIKES, TooManyUndefined
+from .form_fit import Form
 from .topography import Topography
 
 #: Fractions of the points of a surface that count as its highest and as its lowest points. The highest points form the

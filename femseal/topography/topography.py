@@ -29,7 +29,8 @@ from ..base import (
     to_text,
     validate,
 )
-from .defects import SPIKES, Form, TooManyUndefined, fill_holes, find_spikes, fit_form
+from .defects import SPIKES, TooManyUndefined, fill_holes, find_spikes
+from .form_fit import Form, fit_form
 from .waves import profile_density, radial_density, resample_axis, rms_slopes, truncate
 
 #: A map that was declared periodic has a step at its border if the rms change of height there is more than this many

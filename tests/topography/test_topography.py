@@ -14,8 +14,8 @@ from femseal.flow import cell_permeability
 from femseal.topography import (
     Topography,
     condition,
-    defects,
     describe_surface,
+    form_fit,
     resolving_shape,
     self_affine,
 )
@@ -267,7 +267,7 @@ def test_conditioning_takes_little_memory(kind, bytes_per_point, monkeypatch):
 
     Blocks are as small beside this map as they are beside a large one.
     """
-    monkeypatch.setattr(defects, "_BLOCK", 2**10)
+    monkeypatch.setattr(form_fit, "_BLOCK", 2**10)
     rng = np.random.default_rng(1)
     z = rng.standard_normal((512, 512))
     if kind == "with spikes":
