@@ -1,6 +1,6 @@
 """Look up the properties of fluids by name, in a table or in CoolProp.
 
-The table `TABLE` contains the properties of ten common fluids at 20 °C. For other fluids and other temperatures,
+The table `FLUID_TABLE` contains the properties of ten common fluids at 20 °C. For other fluids and other temperatures,
 CoolProp computes the density and the viscosity at the mean of inlet and outlet pressure. A named gas is treated as an
 ideal gas with a constant viscosity. A named liquid has a constant density and a constant viscosity.
 """
@@ -51,13 +51,13 @@ class NamedFluid:
 
 
 def _gas(viscosity: float, molar_mass: float, temperature: float = TABLE_TEMPERATURE) -> NamedFluid:
-    """Return the properties of an ideal gas as an entry of `TABLE`."""
+    """Return the properties of an ideal gas as an entry of `FLUID_TABLE`."""
     parameters = {"viscosity": viscosity, "molar_mass": molar_mass, "temperature": temperature}
     return NamedFluid("ideal-gas", parameters)
 
 
 def _liquid(viscosity: float, density: float) -> NamedFluid:
-    """Return the properties of a liquid as an entry of `TABLE`."""
+    """Return the properties of a liquid as an entry of `FLUID_TABLE`."""
     return NamedFluid("liquid", {"viscosity": viscosity, "density": density})
 
 
@@ -67,7 +67,7 @@ def _liquid(viscosity: float, density: float) -> NamedFluid:
 #: Lemmon & Jacobsen, Int. J. Thermophys. 25, 2004, 21; helium by Arp, McCarty & Friend, NIST Technical Note 1334, 1998;
 #: hydrogen by Muzny, Huber & Kazakov, J. Chem. Eng. Data 58, 2013, 969; methane by Quiñones-Cisneros & Deiters, J.
 #: Phys. Chem. B 110, 2006, 12820.
-TABLE: dict[str, NamedFluid] = {
+FLUID_TABLE: dict[str, NamedFluid] = {
     "water": _liquid(1.0016e-3, 998.21),
     "mineral oil ISO VG 32": _liquid(0.0747, 866.0),
     "mineral oil ISO VG 46": _liquid(0.1164, 870.0),
@@ -107,12 +107,12 @@ def named_fluid(
     temperature: float = TABLE_TEMPERATURE,
     pressures: Pair = (TABLE_PRESSURE, TABLE_PRESSURE),
 ) -> NamedFluid:
-    """Return the properties of a fluid by its name, at 20 °C from `TABLE` and otherwise from CoolProp.
+    """Return the properties of a fluid by its name, at 20 °C from `FLUID_TABLE` and otherwise from CoolProp.
 
     Parameters
     ----------
     name : str
-        Name of the fluid in `TABLE` or in CoolProp, in upper or lower case.
+        Name of the fluid in `FLUID_TABLE` or in CoolProp, in upper or lower case.
     temperature : float
         Temperature [K].
     pressures : tuple of two float
@@ -164,11 +164,11 @@ def _plain_name(name: object) -> str:
 
 
 def _in_table(name: object) -> NamedFluid | None:
-    """Find a fluid of `TABLE` by any of its names."""
+    """Find a fluid of `FLUID_TABLE` by any of its names."""
     # replace a further name, such as "N2", by the name in the table
     main_names = {_plain_name(other): main_name for other, main_name in _OTHER_NAMES.items()}
     plain = _plain_name(main_names.get(_plain_name(name), name))
-    for table_name, fluid in TABLE.items():
+    for table_name, fluid in FLUID_TABLE.items():
         if _plain_name(table_name) == plain:
             return fluid
     return None
@@ -185,7 +185,7 @@ def _coolprop_and_name(name: Any, temperature: float) -> tuple[Any, str]:
     Raises an InputError if CoolProp is not installed, does not know the fluid, or has no valid equations for it at this
     temperature [K].
     """
-    names_in_table = f"one of {', '.join(TABLE)} at 20 °C"
+    names_in_table = f"one of {', '.join(FLUID_TABLE)} at 20 °C"
     try:
         from CoolProp import CoolProp
     except ImportError:

@@ -226,6 +226,24 @@ def test_files_have_names_of_their_own():
     assert {name for name, count in names.items() if count > 1} <= SHARED_NAMES
 
 
+def _constants(module):
+    """Names of the constants that a module defines."""
+    for node in _tree(module).body:
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        for target in targets:
+            elements = target.elts if isinstance(target, ast.Tuple) else [target]
+            yield from (e.id for e in elements if isinstance(e, ast.Name) and e.id.isupper())
+
+
+def test_a_constant_of_several_modules_has_one_meaning():
+    """A constant that others may import has a name of its own, which says its quantity."""
+    public = Counter(name for m in MODULES for name in _constants(m) if name[0] != "_")
+    assert {name for name, count in public.items() if count > 1} == set()
+    for module in MODULES:
+        names = set(_constants(module))
+        assert {name for name in names if f"_{name}" in names} == set(), module
+
+
 def _lines_of_code(path):
     """Lines without docstrings, comments and blank ones."""
     text = path.read_text(encoding="utf-8")

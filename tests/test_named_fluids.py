@@ -9,23 +9,23 @@ from small_cases import CASE
 
 import femseal as fs
 from femseal.fluids import FLUIDS
-from femseal.named_fluids import TABLE, _name_in_coolprop, _plain_name, named_fluid
+from femseal.named_fluids import FLUID_TABLE, _name_in_coolprop, _plain_name, named_fluid
 
 
 def test_every_fluid_of_the_table_can_be_made():
-    assert len(TABLE) == 10
-    for found in TABLE.values():
+    assert len(FLUID_TABLE) == 10
+    for found in FLUID_TABLE.values():
         FLUIDS[found.kind](**found.parameters)
-    assert named_fluid("Helium") is TABLE["helium"]
+    assert named_fluid("Helium") is FLUID_TABLE["helium"]
 
 
-@pytest.mark.parametrize("name", [n for n in TABLE if "oil" not in n])
+@pytest.mark.parametrize("name", [n for n in FLUID_TABLE if "oil" not in n])
 def test_the_table_agrees_with_coolprop(name):
     coolprop = pytest.importorskip("CoolProp.CoolProp")
     state = ("T", 293.15, "P", 101325, name)
-    found = TABLE[name].parameters
+    found = FLUID_TABLE[name].parameters
     assert_allclose(found["viscosity"], coolprop.PropsSI("V", *state), rtol=1e-3)
-    density = FLUIDS[TABLE[name].kind](**found).reference_density
+    density = FLUIDS[FLUID_TABLE[name].kind](**found).reference_density
     assert_allclose(density, coolprop.PropsSI("D", *state), rtol=2e-3)
 
 
@@ -89,7 +89,7 @@ def test_fluids_of_the_table_are_found_by_formulas_and_other_names():
         "dry air": "air",
         "GN2": "nitrogen",
     }.items():
-        assert named_fluid(written) is TABLE[name]
+        assert named_fluid(written) is FLUID_TABLE[name]
 
 
 def test_steam_is_a_gas():

@@ -16,7 +16,7 @@ import femseal as fs
 from femseal.checks import gas_warnings
 from femseal.checks.ideal_gas import ideal_gas_error
 from femseal.fluids import FLUIDS, potential_of
-from femseal.named_fluids import TABLE, named_fluid
+from femseal.named_fluids import FLUID_TABLE, named_fluid
 from femseal.studies import FluidState
 from femseal.studies.other_fluid import limit_factors
 
@@ -212,7 +212,7 @@ def test_a_real_test_gas_has_the_limits_of_the_ideal_gas_at_low_pressure():
         FluidState(fs.RealGas(name, 293.15, False), 2e5, 1e5) for name in ("helium", "nitrogen")
     ]
     ideal = [
-        FluidState(FLUIDS["ideal-gas"](**TABLE[n].parameters), 2e5, 1e5)
+        FluidState(FLUIDS["ideal-gas"](**FLUID_TABLE[n].parameters), 2e5, 1e5)
         for n in ("helium", "nitrogen")
     ]
     found, wanted = limit_factors(*states), limit_factors(*ideal)
@@ -221,10 +221,10 @@ def test_a_real_test_gas_has_the_limits_of_the_ideal_gas_at_low_pressure():
 
 @needs_coolprop
 @pytest.mark.parametrize(
-    "name", [name for name, fluid in TABLE.items() if fluid.kind == "ideal-gas"]
+    "name", [name for name, fluid in FLUID_TABLE.items() if fluid.kind == "ideal-gas"]
 )
 def test_the_error_of_the_ideal_gas_law_agrees_with_the_potentials(name):
-    gas = fs.IdealGas(**TABLE[name].parameters)
+    gas = fs.IdealGas(**FLUID_TABLE[name].parameters)
     for inlet in (2e6, 7e7):
         real = by_quadrature(name, 293.15, inlet) - by_quadrature(name, 293.15, 1e5)
         found = ideal_gas_error(gas, inlet, 1e5)
@@ -240,7 +240,7 @@ def test_the_error_of_the_ideal_gas_law_agrees_with_the_potentials(name):
 
 @needs_coolprop
 def test_a_warning_says_that_an_ideal_gas_above_20_bar_is_inaccurate():
-    gas = fs.IdealGas(**TABLE["nitrogen"].parameters)
+    gas = fs.IdealGas(**FLUID_TABLE["nitrogen"].parameters)
     assert not list(gas_warnings("fluid", gas, 20e5, 1e5))
     assert not list(gas_warnings("fluid", fs.Liquid(1e-3), 200e5, 1e5))
     (said,) = gas_warnings("fluid", gas, 200e5, 1e5)

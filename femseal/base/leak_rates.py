@@ -378,7 +378,7 @@ LEAK_CLASSES: dict[str, LeakClass] = {
     leak_class.name: leak_class for leak_class in map(_parse_class, _TABLE.strip().splitlines())
 }
 #: Classes that are reported if the user asks for none.
-USUAL = ("L0.01", "L0.1", "L1")
+USUAL_CLASSES = ("L0.01", "L0.1", "L1")
 #: A number and a unit.
 _LIMIT = re.compile(r"^\s*(\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+(?:[eE][-+]?\d+)?)\s*(\D.*)$")
 #: Classes that a user may write, for messages.

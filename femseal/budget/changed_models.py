@@ -18,7 +18,7 @@ from ..seal.form import ScaledForm, SealForm
 from ..studies import Scene
 from ..topography.seat import Seat
 from .error_parts import ErrorBudget, ErrorPart
-from .leakage_changes import LEAST_SLOPE, CoarserSolution, part_of_changes, scale_of_changes
+from .leakage_changes import LEAST_LOAD_SLOPE, CoarserSolution, part_of_changes, scale_of_changes
 from .wide_intervals import counting_steps
 
 #: The change in the opposite direction is solved if the half-width of the error source is above this fraction of the
@@ -214,7 +214,7 @@ def _fill_unknown(steps: LoadProgramme, leakage: Array, change: Array) -> Array:
 
     A change of −inf means that the seal is sealed with the changed input, and is not replaced.
     """
-    slope = np.maximum(load_sensitivity(steps, leakage), LEAST_SLOPE)
+    slope = np.maximum(load_sensitivity(steps, leakage), LEAST_LOAD_SLOPE)
     finite = np.isfinite(change)
     size_nearby = scale_of_changes(steps, change, slope)
     # all estimates get the sign of the sum of the known changes

@@ -23,7 +23,7 @@ from ..loads import LoadProgramme, load_sensitivity, neighbouring_steps
 from .error_parts import ErrorPart
 
 #: Smallest slope |d ln(leakage)/d ln(load)| by which changes are divided.
-LEAST_SLOPE = 0.3
+LEAST_LOAD_SLOPE = 0.3
 #: In nine of ten contact states, the slope |d ln(leakage)/d ln(load)| is at most this multiple of
 #: `expected_sensitivity`.
 STEEPEST = 2.0
@@ -214,7 +214,7 @@ def _load_shift(distance: Array, slope: Array, is_open: Flags) -> float:
     """
     has_slope = is_open & (slope > 0)
     is_used = has_slope if has_slope.any() else is_open
-    shifts = distance[is_used] / np.maximum(slope[is_used], LEAST_SLOPE)
+    shifts = distance[is_used] / np.maximum(slope[is_used], LEAST_LOAD_SLOPE)
     return float(np.max(shifts, initial=0.0))
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..base import Array, FemsealError, Mapper, NotKept, Shape
 from ..studies import Sampling, Scene, Study, StudyResult, study_of_result
-from ..studies.sampling import FEWEST_SEALS
+from ..studies.sampling import FEWEST_BY_DEFAULT
 from ..topography import Conditioning, Continuation, Representative, Surface
 from .changed_models import FormTolerance, ModelChange
 from .leakage_changes import CoarserSolution
@@ -217,7 +217,7 @@ def _reduced(version: Version, surface: Surface) -> Version:
     if sampling is not None:
         cut, tiles = version.cut_and_tiles
         count_with_enough_tiles = ceil(_SURFACES * prod(cut.shape) / tiles.count)
-        count = sampling.realisations or FEWEST_SEALS
+        count = sampling.realisations or FEWEST_BY_DEFAULT
         count = min(count, _MOST_REALISATIONS, count_with_enough_tiles)
         sampling = replace(sampling, realisations=count, median_fields=False)
     methods = frozenset(solved_study(study).name for study in version.studies)

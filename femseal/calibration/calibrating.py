@@ -46,19 +46,19 @@ from ..runs.identity import face_files, user_code
 from ..store.store import Store
 from ..studies.compiling import compile_ahead
 from ..topography import resolved_wave
-from .calibration import FILE, Array, Calibration, calibrated_text
+from .calibration import RESULT_FILE, Array, Calibration, calibrated_text
 from .leak_test import LeakTest, read_leak_test
-from .posterior import UNITS, Posterior
+from .posterior import QUANTITY_UNITS, Posterior
 from .surrogate import Surrogate
 
 #: Ends of a range, in SI or as texts with units.
 Range = tuple[float | str, float | str]
 #: Number of the first simulations, which cover the ranges evenly; a power of 2, as the Sobol sequence requires.
-FIRST = 16
+FIRST_SIMULATIONS = 16
 #: Number of simulations that are added in each later round, where the posterior density is large.
-ADDED = 6
+ADDED_SIMULATIONS = 6
 #: Smallest total number of simulations.
-FEWEST = 10
+FEWEST_SIMULATIONS = 10
 #: Factors by which the default ranges extend above and below the values of the case.
 WIDTHS = {"hardness": 3.0, "shortest_wave": 3.0, "factor": 5.0}
 #: No more simulations are added if the error of the surrogate is below this fraction of the error of the test.
@@ -139,7 +139,7 @@ def calibrate(
     >>> calibration.hardness.median, calibration.factor  # doctest: +SKIP
     """
     folder = job.checked_output(output, resume)
-    is_finished = folder is not None and (folder / FILE).exists()
+    is_finished = folder is not None and (folder / RESULT_FILE).exists()
     if is_finished and not resume and not replace_results:
         given = f"'{folder}', which holds a finished calibration"
         expected = (
@@ -152,7 +152,7 @@ def calibrate(
         expected = "none, because all simulations of a calibration use the same grid"
         raise InputError("accuracy", loaded.accuracy, expected)
     relative_error = validate.tolerance("error", to_si(error, "", "error"))
-    validate.count("scenes", scenes, FEWEST)
+    validate.count("scenes", scenes, FEWEST_SIMULATIONS)
     test = read_leak_test(Path(data), loaded)
     tested_case = test.of_case(loaded)
     given_ranges = {"hardness": hardness, "shortest_wave": shortest_wave, "factor": factor}
@@ -181,7 +181,7 @@ def calibrate(
                 remove_run(folder)
             stack.enter_context(writing_in(made_folder(folder), identity, resume))
             begin_run(folder, identity)
-            (folder / FILE).unlink(missing_ok=True)
+            (folder / RESULT_FILE).unlink(missing_ok=True)
         compile_first = partial(compile_ahead, progress=report_progress)
         mapper = stack.enter_context(ordered_map(workers, scheduler, compile_first))
         if folder is not None:
@@ -251,7 +251,7 @@ def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> A
         else:
             low, high = _given_ends(name, ends)
         if not 0 < low < high < np.inf:
-            unit = UNITS[name]
+            unit = QUANTITY_UNITS[name]
             text = f"{to_text(low, unit)} to {to_text(high, unit)}"
             raise InputError(name, text, "two values above 0, the lower one first")
         ranges.append((low, high))
@@ -275,7 +275,8 @@ def _given_ends(name: str, ends: Range) -> tuple[float, float]:
     if isinstance(ends, str) or len(ends) != 2:
         raise InputError(name, shown(ends), "the lower and the upper end of a range")
     low, high = (
-        to_si(end, UNITS[name], name) if isinstance(end, str) else float(end) for end in ends
+        to_si(end, QUANTITY_UNITS[name], name) if isinstance(end, str) else float(end)
+        for end in ends
     )
     return low, high
 
@@ -379,7 +380,7 @@ def _explore(
     leakages = np.empty((0, int(max(rows)) + 1))  # (simulation, load)
     sobol = qmc.Sobol(2, rng=np.random.default_rng(1))
     # the first round covers the unit square evenly
-    new_points = sobol.random_base2(int(np.log2(FIRST)))[:most_scenes]
+    new_points = sobol.random_base2(int(np.log2(FIRST_SIMULATIONS)))[:most_scenes]
     while True:
         # run the simulations of this round, and fit the surrogate to all simulations that succeeded
         hardnesses, waves = to_si_units(new_points).T.tolist()
@@ -398,12 +399,12 @@ def _explore(
             return _Exploration(posterior, to_si_units(points), leakages)
         # The samples are in random order, so that consecutive samples are spread over the whole posterior. The chosen
         # samples begin at the index len(points), which is different in each round.
-        chosen = len(points) + np.arange(min(ADDED, n_left))
+        chosen = len(points) + np.arange(min(ADDED_SIMULATIONS, n_left))
         new_points = samples[chosen % len(samples), :2]
 
 
 def _check_enough_solved(is_solved: Flags, n_new: int) -> None:
     """Raise FemsealError if too few simulations succeeded."""
     n_solved = int(is_solved.sum())
-    if n_solved < min(FEWEST, n_new):
+    if n_solved < min(FEWEST_SIMULATIONS, n_new):
         raise FemsealError(f"calibrate: only {n_solved} of {n_new} simulations succeeded")

@@ -37,17 +37,17 @@ from ..plots.leakage_panels import LeakageCurves, leakage_panel
 from ..plots.style import GREY, STYLES, rendered_formats
 from ..results.load_steps import AS_PRESSURES, LoadFormat, branch_text, pressures_and_peaks
 from ..results.tables import format_leakage
-from .leak_test import BELOW, LeakTest
-from .posterior import PROBABILITY, UNITS, Estimate, Posterior
+from .leak_test import BELOW_LIMIT, LeakTest
+from .posterior import PROBABILITY, QUANTITY_UNITS, Estimate, Posterior
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FILE, TABLE, PICTURE = "calibration.json", "calibration.csv", "calibration.png"
+RESULT_FILE, TABLE_FILE, PICTURE_FILE = "calibration.json", "calibration.csv", "calibration.png"
 #: A sample counts as lying at an end of a range if its distance from the end is below this fraction of the length of
 #: the range, in logarithms.
-_END = 0.03
+_END_OF_RANGE = 0.03
 #: The range may be too narrow if more than this fraction of the samples lies at one of its ends.
 _MANY_SAMPLES = 0.1
 #: The model does not fit if the root mean square of the standardised residuals is above this value.
@@ -128,12 +128,17 @@ class Calibration(Plotted):
             The case, with the loads of the test.
         """
         samples = posterior.quantities(cube)
-        estimates = {name: Estimate.from_samples(samples[:, n]) for n, name in enumerate(UNITS)}
+        estimates = {
+            name: Estimate.from_samples(samples[:, n]) for n, name in enumerate(QUANTITY_UNITS)
+        }
         # In the unit cube, the prior of each quantity is uniform from 0 to 1, with the median 0.5. The three points of
         # the unit cube are the medians, the lower ends and the upper ends, in the order of the fields of `Estimate`.
         cube_of_prior = np.array([[0.5] * 3, [0.0] * 3, [1.0] * 3])
         median_low_high = posterior.quantities(cube_of_prior)  # (field of `Estimate`, quantity)
-        prior = {name: Estimate(*map(float, median_low_high[:, n])) for n, name in enumerate(UNITS)}
+        prior = {
+            name: Estimate(*map(float, median_low_high[:, n]))
+            for n, name in enumerate(QUANTITY_UNITS)
+        }
         curve = _calibrated_curve(posterior, cube)
         notes = _notes_on_ranges(cube) + _notes_on_fit(posterior, cube, curve[1])
         return cls(
@@ -158,7 +163,7 @@ class Calibration(Plotted):
     @property
     def posterior(self) -> dict[str, Estimate]:
         """Median and interval of hardness, shortest wave and factor in the posterior, by name."""
-        return {name: getattr(self, name) for name in UNITS}
+        return {name: getattr(self, name) for name in QUANTITY_UNITS}
 
     def rows(self) -> list[dict[str, Any]]:
         """List the load and the measured and calibrated leakage of each row of the test, in the unit of the test."""
@@ -184,12 +189,12 @@ class Calibration(Plotted):
         """Make the table of priors, posteriors and correlations."""
         posterior = self.posterior
         columns = [
-            ("", [_plain_name(name) for name in UNITS]),
-            ("prior", [_interval_text(name, self.prior[name]) for name in UNITS]),
-            ("posterior", [_value_text(name, posterior[name].median) for name in UNITS]),
-            (_interval_name(), [_interval_text(name, posterior[name]) for name in UNITS]),
+            ("", [_plain_name(name) for name in QUANTITY_UNITS]),
+            ("prior", [_interval_text(name, self.prior[name]) for name in QUANTITY_UNITS]),
+            ("posterior", [_value_text(name, posterior[name].median) for name in QUANTITY_UNITS]),
+            (_interval_name(), [_interval_text(name, posterior[name]) for name in QUANTITY_UNITS]),
         ]
-        for name, coefficients in zip(UNITS, self.correlation, strict=True):
+        for name, coefficients in zip(QUANTITY_UNITS, self.correlation, strict=True):
             head = f"correlation with {_plain_name(name)}"
             columns.append((head, [f"{coefficient:+.2f}" for coefficient in coefficients]))
         n_measured = counted(len(self.test.steps), "measured leakage")
@@ -204,7 +209,7 @@ class Calibration(Plotted):
         measured = []
         for leakage, is_sealed in zip(self.test.leakage, self.test.sealed, strict=True):
             text = format_leakage(leakage, 1.0)
-            measured.append(f"{BELOW} {text}" if is_sealed else text)
+            measured.append(f"{BELOW_LIMIT} {text}" if is_sealed else text)
         low, median, high = ([format_leakage(q, 1.0) for q in values] for values in self.curve)
         intervals = [f"{start} to {end}" for start, end in zip(low, high, strict=True)]
         columns = [
@@ -259,10 +264,10 @@ class Calibration(Plotted):
         }
         correlations = {
             f"{first}, {second}": self.correlation[i, j]
-            for (i, first), (j, second) in combinations(enumerate(UNITS), 2)
+            for (i, first), (j, second) in combinations(enumerate(QUANTITY_UNITS), 2)
         }
         content = estimates | {
-            "units": {name: unit or "1" for name, unit in UNITS.items()},
+            "units": {name: unit or "1" for name, unit in QUANTITY_UNITS.items()},
             "probability": PROBABILITY,
             "correlation": correlations,
             "solid": self.solid,
@@ -274,13 +279,13 @@ class Calibration(Plotted):
         }
         text = json.dumps(finite_data(content), indent=1, ensure_ascii=False)
         with writing("output", target, "a folder"):
-            written = [write_text(target / TABLE, comma_separated(self.rows()))]
+            written = [write_text(target / TABLE_FILE, comma_separated(self.rows()))]
             pictures = rendered_formats(calibration_figure(self), formats)
             for form in formats:
-                path = (target / PICTURE).with_suffix(f".{form}")
+                path = (target / PICTURE_FILE).with_suffix(f".{form}")
                 written.append(write_bytes(path, pictures[form]))
             # the last one, because it marks a finished calibration
-            return [write_text(target / FILE, text), *written]
+            return [write_text(target / RESULT_FILE, text), *written]
 
 
 def _calibrated_curve(posterior: Posterior, cube: Array) -> Array:
@@ -306,8 +311,8 @@ def _notes_on_ranges(cube: Array) -> list[str]:
     cube : samples in the unit cube (n, 3).
     """
     notes = []
-    for n, name in enumerate(UNITS):
-        is_at_end = {"lower": cube[:, n] < _END, "upper": cube[:, n] > 1 - _END}
+    for n, name in enumerate(QUANTITY_UNITS):
+        is_at_end = {"lower": cube[:, n] < _END_OF_RANGE, "upper": cube[:, n] > 1 - _END_OF_RANGE}
         for end, is_there in is_at_end.items():
             if is_there.mean() > _MANY_SAMPLES:
                 notes.append(
@@ -353,7 +358,7 @@ def _plain_name(name: str) -> str:
 
 def _value_text(name: str, value: float) -> str:
     """Return the value of a quantity as text with its unit."""
-    return to_text(value, UNITS[name], 3) if UNITS[name] else f"{value:.3g}"
+    return to_text(value, QUANTITY_UNITS[name], 3) if QUANTITY_UNITS[name] else f"{value:.3g}"
 
 
 def _interval_text(name: str, estimate: Estimate) -> str:
@@ -424,10 +429,10 @@ def _draw_samples(axes: Axes, calibration: Calibration, name: str) -> None:
     `name` is the name of the quantity on the vertical axis. If `name` is "shortest_wave", the hardness and the shortest
     wave of the simulations are drawn as well.
     """
-    names = list(UNITS)
+    names = list(QUANTITY_UNITS)
     columns = [names.index("hardness"), names.index(name)]
-    hardness_unit, hardness_in_si = _AXIS_UNITS[UNITS["hardness"]]
-    unit, unit_in_si = _AXIS_UNITS[UNITS[name]]
+    hardness_unit, hardness_in_si = _AXIS_UNITS[QUANTITY_UNITS["hardness"]]
+    unit, unit_in_si = _AXIS_UNITS[QUANTITY_UNITS[name]]
     units_in_si = (hardness_in_si, unit_in_si)
     samples = calibration.samples[:, columns] / units_in_si
     axes.plot(*samples.T, ".", color=STYLES[0]["color"], ms=1.5, alpha=0.3, zorder=1)

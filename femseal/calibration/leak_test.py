@@ -18,10 +18,13 @@ from ..loads import LoadProgramme, LoadStep
 from ..seal.seal_files import text_rows
 
 #: Description of the columns of a leak test, for messages.
-COLUMNS = "pressure [MPa], leakage [mL/min]; and, if any row was measured during unloading, branch, unloaded from [MPa]"
+COLUMNS_TEXT = (
+    "pressure [MPa], leakage [mL/min]; and, if any row was measured during unloading, branch, "
+    "unloaded from [MPa]"
+)
 BRANCHES = ("loading", "unloading")
 #: Text in place of a leakage if no leakage was detected, and first character of a limit of detection.
-SEALED, BELOW = "sealed", "<"
+SEALED, BELOW_LIMIT = "sealed", "<"
 #: Fewest different loads at which a leakage must have been measured.
 _FEWEST_LOADS = 3
 #: Relative tolerance of loads compared with the range of the case.
@@ -118,9 +121,9 @@ class _Leakage(NamedTuple):
 def read_leak_test(path: Path, case: Case) -> LeakTest:
     """Read the leak test of a seal from a text file with columns.
 
-    The first line that is not a comment (#) contains the names and units of the columns, see `COLUMNS`. A leakage in
-    the file is a number, "sealed", or a limit of detection such as "< 0.1". If a row only says "sealed", its limit of
-    detection is the smallest measured leakage.
+    The first line that is not a comment (#) contains the names and units of the columns, see `COLUMNS_TEXT`. A
+    leakage in the file is a number, "sealed", or a limit of detection such as "< 0.1". If a row only says "sealed", its
+    limit of detection is the smallest measured leakage.
 
     Parameters
     ----------
@@ -143,7 +146,7 @@ def read_leak_test(path: Path, case: Case) -> LeakTest:
     (_, _, heads), *lines = text_rows(path, "data")
     if not lines:
         given = f"'{path}' without rows"
-        raise InputError("data", given, f"a line of column names, {COLUMNS}, and rows")
+        raise InputError("data", given, f"a line of column names, {COLUMNS_TEXT}, and rows")
     columns, unit = _read_heads(heads, case)
     steps: list[LoadStep] = []
     leakages: list[_Leakage] = []
@@ -181,12 +184,12 @@ def _read_heads(heads: list[str], case: Case) -> tuple[dict[str, _Column], LeakU
         match = _NAME_AND_UNIT.fullmatch(head)
         column = _COLUMN_OF_NAME.get(match[1].lower()) if match else None
         if match is None or column is None:
-            raise InputError("data: columns", shown(head), COLUMNS)
+            raise InputError("data: columns", shown(head), COLUMNS_TEXT)
         if column in columns:
             raise InputError("data: columns", f"{shortened(head)} twice", "each column once")
         unit = match[2] or ""
         if column != "branch" and not unit:
-            raise InputError("data: columns", f"{shown(head)} without a unit", COLUMNS)
+            raise InputError("data: columns", f"{shown(head)} without a unit", COLUMNS_TEXT)
         factor = 1.0
         if column == "leakage":
             unit_of_leakage = _leakage_unit(unit, head, case)
@@ -194,7 +197,7 @@ def _read_heads(heads: list[str], case: Case) -> tuple[dict[str, _Column], LeakU
             factor = to_si(f"1 {unit}", case.load.unit, f"data: column {match[1]}")
         columns[column] = _Column(position, factor)
     if "load" not in columns or unit_of_leakage is None:
-        raise InputError("data: columns", ", ".join(heads), COLUMNS)
+        raise InputError("data: columns", ", ".join(heads), COLUMNS_TEXT)
     return columns, unit_of_leakage
 
 
@@ -270,11 +273,11 @@ def _check_range(load: float, what: str, case: Case) -> None:
 
 def _read_leakage(text: str) -> _Leakage:
     """Read the text of a leakage: a number, "sealed", or a limit of detection. A leakage of 0 is read as sealed."""
-    expected = f"a leakage >= 0, '{SEALED}', or a limit such as '{BELOW} 0.1'"
+    expected = f"a leakage >= 0, '{SEALED}', or a limit such as '{BELOW_LIMIT} 0.1'"
     if text.lower() == SEALED:
         return _Leakage(np.nan, True)
-    is_limit = text.startswith(BELOW)
-    value = _read_number(text.removeprefix(BELOW).strip(), "leakage", expected)
+    is_limit = text.startswith(BELOW_LIMIT)
+    value = _read_number(text.removeprefix(BELOW_LIMIT).strip(), "leakage", expected)
     if value > 0:
         return _Leakage(value, is_limit)
     if is_limit:

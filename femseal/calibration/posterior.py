@@ -21,9 +21,9 @@ from .leak_test import LeakTest
 from .surrogate import Prediction, Surrogate
 
 #: Units of the calibrated quantities, in the order of all arrays.
-UNITS = {"hardness": "Pa", "shortest_wave": "m", "factor": ""}
+QUANTITY_UNITS = {"hardness": "Pa", "shortest_wave": "m", "factor": ""}
 #: Index of the factor among the calibrated quantities.
-_FACTOR = 2
+_FACTOR_INDEX = 2
 #: Probability that the intervals of the calibrated quantities contain the true value.
 PROBABILITY = 0.9
 #: Fraction of the probability that may be neglected when only the most probable squares are divided further.
@@ -252,7 +252,7 @@ class Posterior:
         plane = slabs.centres[square] + (random[:, 1:3] - 0.5) / slabs.n_along_side
         width = (slabs.last - slabs.first)[square, 0]
         log_factor = slabs.first[square, 0] + width * (slab + random[:, 3]) / _SLABS
-        low, high = np.log(self.ranges[_FACTOR])
+        low, high = np.log(self.ranges[_FACTOR_INDEX])
         return np.c_[plane, (log_factor - low) / (high - low)]
 
     def _probable_slabs(self, least_count: int) -> _Slabs:
@@ -287,7 +287,7 @@ class Posterior:
         centres : centres of the small squares (squares, 2).
         n_along_side : number of small squares that would fit along a side of the unit square.
         """
-        low, high = np.log(self.ranges[_FACTOR])
+        low, high = np.log(self.ranges[_FACTOR_INDEX])
         density = self.factor_density(centres)
         centre = np.clip(density.mean, low, high)
         first = np.clip(centre - _SLAB_RANGE * density.deviation, low, high)

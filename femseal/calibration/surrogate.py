@@ -49,9 +49,9 @@ _PRIOR_DEVIATIONS = np.array([[1.5, 0.7], [1.5, 1.0]])
 #: digits of the fit.
 _PARAMETER_DECIMALS = 3
 #: Smallest number of simulations with a leakage from which the leakage at a load can be predicted.
-FEWEST = 6
+FEWEST_LEAKING = 6
 #: Limit of the predicted probabilities: the probability that the seal leaks is never closer than this to 0 or 1.
-LEAST = 1e-3
+LEAST_PROBABILITY = 1e-3
 #: Standard deviation of ln(leakage) at a load at which too few simulations leak for a prediction.
 _UNKNOWN_DEVIATION = 30.0
 #: Standard deviation of the predicted value for leaking (1) or sealed (−1) that remains even after very many
@@ -263,13 +263,13 @@ class _LoadGroup:
 def _group_loads(is_open: Flags) -> list[_LoadGroup]:
     """Group the loads so that exactly the same simulations leak at all loads of a group.
 
-    A load at which fewer than `FEWEST` simulations leak belongs to no group.
+    A load at which fewer than `FEWEST_LEAKING` simulations leak belongs to no group.
 
     is_open : array of bool (simulations, loads), whether each simulation leaks at each load.
     """
     # arrays cannot be keys of a dictionary, but the bytes of a column of `is_open` can
     loads_by_pattern: dict[bytes, list[int]] = {}
-    for load in np.flatnonzero(is_open.sum(0) >= FEWEST):
+    for load in np.flatnonzero(is_open.sum(0) >= FEWEST_LEAKING):
         pattern = is_open[:, load].tobytes()
         loads_by_pattern.setdefault(pattern, []).append(int(load))
     groups = []
@@ -381,7 +381,9 @@ class Surrogate:
             loads, process = self.open
             class_mean[:, loads], class_deviation[:, loads] = process.predict(points)
         probability = ndtr(class_mean / np.hypot(class_deviation, _CLASS_DEVIATION))
-        return Prediction(mean, deviation, np.clip(probability, LEAST, 1 - LEAST))
+        return Prediction(
+            mean, deviation, np.clip(probability, LEAST_PROBABILITY, 1 - LEAST_PROBABILITY)
+        )
 
 
 def _correlation(errors: Array) -> Array:

@@ -10,7 +10,7 @@ from ..base import InputError
 from ..base.leak_rates import BUBBLE, DROP, KNOWN, leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..budget.sources import MODEL_PARTS
-from ..results.file_options import FIELDS_LIMIT, FORMATS, PICTURE_FORMATS
+from ..results.file_options import FIELDS_LIMIT, PARAVIEW_FORMATS, PICTURE_FORMATS
 from .faults import as_value_error
 from .quantity_types import FileSize, Length, Temperature, UsualRange, Volume, VolumeRate
 from .seal_tables import AnyFluid
@@ -63,7 +63,7 @@ class OutputTable(Table):
     fields: bool = key(
         "whether gap, contact pressure and fluid pressure at all pixels are written", True
     )
-    paraview: Literal[FORMATS] = key(  # type: ignore[valid-type]
+    paraview: Literal[PARAVIEW_FORMATS] = key(  # type: ignore[valid-type]
         "files for ParaView", "vtu"
     )
     fields_limit: FileSize = key(

@@ -17,7 +17,7 @@ from ..base import InputError
 from ..fluids import FLUIDS, Fluid
 from ..seal.form import FORMS
 from ..seal.lay import check_inlet
-from ..seal.layouts import LAYOUTS, NAMES, Layout, MeshLayout, RectangularLayout, parse_lay
+from ..seal.layouts import LAY_NAMES, LAYOUTS, Layout, MeshLayout, RectangularLayout, parse_lay
 from ..topography.seat import SEATS
 from .completion import as_tables
 from .faults import as_value_error, invalid_value
@@ -180,7 +180,7 @@ def _read_boundaries(value: Any) -> Any:
     return tuple(value)
 
 
-_LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(NAMES)}, {"type": "object"}]}
+_LAY_SCHEMA = {"anyOf": [{"type": "string", "enum": list(LAY_NAMES)}, {"type": "object"}]}
 _NAMES_SCHEMA = {"anyOf": [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]}
 Boundaries = Annotated[
     str | tuple[str, ...], BeforeValidator(_read_boundaries), WithJsonSchema(_NAMES_SCHEMA)

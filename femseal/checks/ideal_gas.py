@@ -14,7 +14,7 @@ import numpy as np
 from ..base import InputError, to_text
 from ..gases import IdealGas, RealGas
 from ..named_fluids import (
-    TABLE,
+    FLUID_TABLE,
     TABLE_TEMPERATURE,
     coolprop_state,
     lacks_viscosity_model,
@@ -113,7 +113,7 @@ def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
             "CoolProp, which knows real gases, is not installed (pip install 'femseal[fluids]')"
         )
         return IdealGasError("", reason=missing)
-    if name not in TABLE and closest and not _has_viscosity(closest):
+    if name not in FLUID_TABLE and closest and not _has_viscosity(closest):
         reason = (
             f"by its molar mass it is {closest}, of which CoolProp has no viscosity: take density and viscosity at "
             "these pressures from another source"
@@ -144,11 +144,11 @@ def ideal_gas_error(gas: Any, inlet: float, outlet: float) -> IdealGasError:
 def is_nearly_ideal(gas: Any) -> bool:
     """Return whether the real gas that an ideal gas stands for behaves almost ideally.
 
-    A gas counts as nearly ideal if its molar mass matches that of a gas in `TABLE` and its temperature is above the
-    critical temperatures of all gases in `TABLE`. Up to 20 bar, the leakage of such a gas is within 2 % of the
-    ideal-gas leakage.
+    A gas counts as nearly ideal if its molar mass matches that of a gas in `FLUID_TABLE` and its temperature is above
+    the critical temperatures of all gases in `FLUID_TABLE`. Up to 20 bar, the leakage of such a gas is within 2 % of
+    the ideal-gas leakage.
     """
-    masses = [fluid.parameters.get("molar_mass", 0.0) for fluid in TABLE.values()]
+    masses = [fluid.parameters.get("molar_mass", 0.0) for fluid in FLUID_TABLE.values()]
     is_in_table = any(abs(gas.molar_mass - mass) <= _SAME_MASS * mass for mass in masses)
     return is_in_table and gas.temperature >= _ABOVE_CRITICAL
 
@@ -156,10 +156,10 @@ def is_nearly_ideal(gas: Any) -> bool:
 def _recognise_gas(gas: Any) -> str:
     """Return the name of the real gas whose molar mass and viscosity match an ideal gas, "" if there is none.
 
-    Gases in `TABLE` are identified by their molar mass alone. If none of them matches, the fluids of CoolProp are
+    Gases in `FLUID_TABLE` are identified by their molar mass alone. If none of them matches, the fluids of CoolProp are
     searched; an ImportError is raised if CoolProp is not installed.
     """
-    for table_name, fluid in TABLE.items():
+    for table_name, fluid in FLUID_TABLE.items():
         mass = fluid.parameters.get("molar_mass", 0.0)
         if abs(gas.molar_mass - mass) <= _SAME_MASS * mass:
             return table_name

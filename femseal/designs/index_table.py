@@ -9,7 +9,7 @@ from typing import Any
 from ..base import TextTable
 from ..base.quantities import range_text
 from ..results.load_steps import branch_text
-from ..results.sealing_index import TOLERANCE, IndexLimit, SealingIndex, index_text
+from ..results.sealing_index import FIT_TOLERANCE, IndexLimit, SealingIndex, index_text
 
 
 def index_table(indices: Sequence[SealingIndex]) -> TextTable:
@@ -35,7 +35,7 @@ def index_sentence(reason: str = "") -> str:
     return (
         "The sealing index is the integral of pⁿ over the width of the seal, in the direction of the leakage. Take the "
         "row whose contact pressures contain the highest one of the seal. In each row, the permeability of the finish "
-        f"is a power of the pressure within {100 * TOLERANCE:g} %."
+        f"is a power of the pressure within {100 * FIT_TOLERANCE:g} %."
     )
 
 

@@ -24,7 +24,7 @@ from .cell_flow import Failed, FlowSettings, SolveCounts, attempt, cell_permeabi
 #: Default number of cells along the shorter side of a surface: for cells in random order, and for cells in their
 #: original order. Cells in their original order are larger, to preserve channels that cross from row to row, see
 #: docs/evidence/stochastic_seals.md.
-CELLS, CELLS_IN_ORDER = 4, 2
+CELLS_AT_RANDOM, CELLS_IN_ORDER = 4, 2
 #: Smallest number of points along a side of a cell.
 FEWEST_POINTS = 8
 #: Overlap of a cell with each neighbour perpendicular to the flow, as a fraction of the width of the cell. With
@@ -47,7 +47,7 @@ def usual_cells(surface: Surface, in_order: bool = False) -> Shape:
     d1, d2 = surface.spacing
     n1 = surface.shape[0]
     shorter_side = min(n1 * d1, min(surface.widths) * d2)
-    side = shorter_side / (CELLS_IN_ORDER if in_order else CELLS)
+    side = shorter_side / (CELLS_IN_ORDER if in_order else CELLS_AT_RANDOM)
     m1 = max(1, min(round(n1 * d1 / side), n1 // FEWEST_POINTS))
     m2 = 0
     for width in surface.widths:  # number of points of each patch along x2

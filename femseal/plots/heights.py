@@ -41,7 +41,7 @@ _PERCENTILES = (0.5, 99.5)
 #: The colour scale can extend beyond each percentile by this fraction of the distance between the two percentiles.
 _RANGE_MARGIN = 0.25
 #: Colours of the points above and below the range of a map: red and light blue.
-ABOVE, BELOW = "#E31A1C", "#00D5FF"
+ABOVE_COLOUR, BELOW_COLOUR = "#E31A1C", "#00D5FF"
 _AXIS_NAMES = ("along $x_1$ (leakage)", "along $x_2$")
 #: Rms slope to which the heights are scaled for the relief, and direction towards the light: from the upper left, at
 #: 45° to the surface (components to the right, upwards and out of the picture).
@@ -100,7 +100,7 @@ def draw_heights(axes: Axes, heights: NDArray, size: Pair, name: str = "height [
     n_defined = max(int(np.count_nonzero(~np.isnan(heights))), 1)
     fraction_above = int(np.count_nonzero(heights > high)) / n_defined
     fraction_below = int(np.count_nonzero(heights < low)) / n_defined
-    colours = colormaps["viridis"].with_extremes(over=ABOVE, under=BELOW, bad="white")
+    colours = colormaps["viridis"].with_extremes(over=ABOVE_COLOUR, under=BELOW_COLOUR, bad="white")
     extensions = {
         (False, False): "neither",
         (False, True): "min",
@@ -113,9 +113,9 @@ def draw_heights(axes: Axes, heights: NDArray, size: Pair, name: str = "height [
         _draw_relief(axes, to_image(heights, size))
     key = {}
     if fraction_above:
-        key[f"{100 * fraction_above:.2g} % above"] = ABOVE
+        key[f"{100 * fraction_above:.2g} % above"] = ABOVE_COLOUR
     if fraction_below:
-        key[f"{100 * fraction_below:.2g} % below"] = BELOW
+        key[f"{100 * fraction_below:.2g} % below"] = BELOW_COLOUR
     if key:
         add_key(axes, key)
 

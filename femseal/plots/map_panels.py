@@ -16,11 +16,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 #: Colour of points without a value in most maps, such as points in contact or sealed cells.
-CLOSED = "#B0B0B0"
+CLOSED_COLOUR = "#B0B0B0"
 #: Colour of pockets in maps of the fluid pressure. It is white because the middle of their colour scale is grey.
-POCKET = "#FFFFFF"
+POCKET_COLOUR = "#FFFFFF"
 #: Largest number of points of a map along each side. Maps of more points show means over blocks of points.
-MOST_POINTS = 1024
+MOST_MAP_POINTS = 1024
 #: Ratio of height to width above which a map is turned on its side.
 _HIGHEST_UPRIGHT = 1.2
 #: Distance of the colour bar from the map, and its height [inch].
@@ -118,9 +118,9 @@ def add_shade(axes: Axes, colour: Any, opacity: Array) -> None:
 
 def reduced(values: Array) -> Array:
     """Average a field (n1, n2) over blocks of points if it has more points than a picture can show."""
-    if max(values.shape) <= MOST_POINTS:
+    if max(values.shape) <= MOST_MAP_POINTS:
         return values
-    return block_means(values, MOST_POINTS).astype(float)
+    return block_means(values, MOST_MAP_POINTS).astype(float)
 
 
 def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
@@ -248,7 +248,7 @@ def clip_to_decades(values: Array, decades: int) -> tuple[Array, Any]:
     return clipped, LogNorm(low, high)
 
 
-def colours_with_closed(name: str, colour: str = CLOSED) -> Any:
+def colours_with_closed(name: str, colour: str = CLOSED_COLOUR) -> Any:
     """Return a colour map of matplotlib with a special colour for undefined values and values below the colour scale.
 
     name : name of the colour map. colour : the special colour.

@@ -16,8 +16,8 @@ from ..seal import Leakage
 from .drawing import LOADS, MAP, Sheet, add_grid, figure_of, set_load_axis, shows
 from .heights import draw_heights
 from .map_panels import (
-    CLOSED,
-    POCKET,
+    CLOSED_COLOUR,
+    POCKET_COLOUR,
     add_key,
     add_shade,
     colours_with_closed,
@@ -186,7 +186,7 @@ def _draw_contact_pressure(axes: Axes, pressure: Array, size: Pair) -> None:
     """Draw a map of a contact pressure (n1, n2) [Pa] over a surface with the sides `size` [m]."""
     in_contact = np.where(pressure > 0, pressure, np.nan) / 1e6
     colours = colours_with_closed("viridis")
-    key = {"no contact": CLOSED}
+    key = {"no contact": CLOSED_COLOUR}
     draw_map(axes, in_contact, size, colours, "contact pressure [MPa]", key=key, vmin=0)
 
 
@@ -194,7 +194,7 @@ def _draw_gap(axes: Axes, gap: Array, size: Pair) -> None:
     """Draw a map of a gap (n1, n2) [m] over a surface with the sides `size` [m]."""
     open_gap = np.where(gap > 0, gap, np.nan) * 1e6
     colours = colours_with_closed("magma")
-    draw_map(axes, open_gap, size, colours, "gap [µm]", key={"contact": CLOSED}, vmin=0)
+    draw_map(axes, open_gap, size, colours, "gap [µm]", key={"contact": CLOSED_COLOUR}, vmin=0)
 
 
 def _draw_fluid_pressure_and_flow(axes: Axes, pressure: Array, gap: Array, size: Pair) -> None:
@@ -204,9 +204,9 @@ def _draw_fluid_pressure_and_flow(axes: Axes, pressure: Array, gap: Array, size:
     """
     from matplotlib.colors import to_rgb
 
-    colours = colours_with_closed("cividis", POCKET)
+    colours = colours_with_closed("cividis", POCKET_COLOUR)
     draw_map(axes, pressure / 1e6, size, colours, "fluid pressure [MPa]")
-    key = {"contact, pockets": POCKET}
+    key = {"contact, pockets": POCKET_COLOUR}
     flow = relative_flow(gap, pressure, size)
     if flow.any():
         key["flow"] = _FLOW
@@ -318,7 +318,7 @@ def _draw_over_pressure(axes: Axes, cycle: LoadCycle, values: Array, name: str) 
 def permeability_figure(permeability: Permeability, ax: Axes | None = None) -> Figure:
     """Draw the fluid pressure in a cell for a unit pressure drop."""
     name = "fluid pressure for a unit drop"
-    key = {"contact, pockets": POCKET}
+    key = {"contact, pockets": POCKET_COLOUR}
     return _draw_fluid_pressure(permeability.fluid_pressure, ax, name, "pixels", key)
 
 
@@ -335,7 +335,7 @@ def seal_leakage_figure(leakage: Leakage, ax: Axes | None = None) -> Figure:
         given = f"the leakage of a mesh, with {leakage.fluid_pressure.size} nodes"
         raise InputError("plot", given, "the leakage of a rectangular or annular seal")
     pressure = leakage.fluid_pressure / 1e6
-    key = {"pockets": POCKET}
+    key = {"pockets": POCKET_COLOUR}
     return _draw_fluid_pressure(pressure, ax, "fluid pressure [MPa]", "nodes", key)
 
 
@@ -352,6 +352,6 @@ def _draw_fluid_pressure(
         sheet = Sheet([map_row_height((n1, n2))], dpi=map_dpi(values.shape))
         ax = sheet.panel(0, MAP)
     has_undefined = bool(np.isnan(values).any())
-    colours = colours_with_closed("cividis", POCKET)
+    colours = colours_with_closed("cividis", POCKET_COLOUR)
     draw_map(ax, values, (n1, n2), colours, name, unit, key=key if has_undefined else None)
     return figure_of(ax)

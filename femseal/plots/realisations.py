@@ -14,8 +14,8 @@ from ..results.load_steps import load_names
 from ..seal.layouts import RectangularLayout
 from .drawing import MAP, Sheet, length_unit
 from .map_panels import (
-    CLOSED,
-    POCKET,
+    CLOSED_COLOUR,
+    POCKET_COLOUR,
     add_colour_bar,
     add_key,
     clip_to_decades,
@@ -242,16 +242,16 @@ def _draw_tiles(axes: Axes, corners: Array, tile_values: _TileValues, is_drawn: 
     finite = values[np.isfinite(values)]
     key = {}
     if finite.size < values.size:
-        key[tile_values.undefined] = POCKET
+        key[tile_values.undefined] = POCKET_COLOUR
     scale: Any = Normalize(finite.min(), finite.max()) if finite.size else Normalize(0, 1)
     if tile_values.decades:
         values, scale = clip_to_decades(values, tile_values.decades)
         if (finite == 0).any():
-            key["none"] = CLOSED
+            key["none"] = CLOSED_COLOUR
     tiles = PolyCollection(
         corners,  # type: ignore[arg-type]
         array=np.ma.masked_invalid(values[is_drawn]),
-        cmap=colormaps[tile_values.colours].with_extremes(under=CLOSED, bad=POCKET),
+        cmap=colormaps[tile_values.colours].with_extremes(under=CLOSED_COLOUR, bad=POCKET_COLOUR),
         norm=scale,
         rasterized=len(corners) > _MOST_VECTOR_TILES,
         edgecolors="face",

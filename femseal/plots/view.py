@@ -42,7 +42,7 @@ class _ShownField(NamedTuple):
 
 
 #: Fields by their names, in the order of the panels.
-FIELDS = {
+SHOWN_FIELDS = {
     "contact_pressure": _ShownField(
         "drawn_contact_pressure", "contact pressure [MPa]", 1e6, "inferno"
     ),
@@ -72,7 +72,7 @@ def view_run(
     step : int, optional
         Index of the load step; by default the step with the highest load at which the seal leaks.
     field : str, optional
-        Name of a field in `FIELDS`; by default all fields are shown.
+        Name of a field in `SHOWN_FIELDS`; by default all fields are shown.
     seal : bool
         Whether to show the tiles of the realisation whose leakage is nearest to the median, instead of the pixels of
         the surface.
@@ -90,13 +90,13 @@ def view_run(
         The field is unknown, the results have no data for the field or the load step, or the picture cannot be written.
     """
     data = results.dataset
-    if field is not None and field not in FIELDS:
-        raise InputError("field", f"'{field}'", f"one of {', '.join(FIELDS)}")
+    if field is not None and field not in SHOWN_FIELDS:
+        raise InputError("field", f"'{field}'", f"one of {', '.join(SHOWN_FIELDS)}")
     number = default_step(data) if step is None else step
     if not 0 <= number < data.sizes["step"]:
         raise InputError("step", number, f"a number from 0 to {data.sizes['step'] - 1}")
     is_off_screen = window_settings(picture)
-    names = [field] if field is not None else list(FIELDS)
+    names = [field] if field is not None else list(SHOWN_FIELDS)
     meshes = seal_meshes(results, number, names) if seal else surface_meshes(results, number, names)
     ends = ends_of_seal(results) if seal else None
     plotter = _window(meshes, load_names(data)[number], ends, off_screen=is_off_screen)
@@ -147,7 +147,7 @@ def surface_meshes(results: Results, step: int, names: list[str]) -> dict[str, A
     for name in names:
         values = results.pixels(name, step)
         (d1, d2), _corner = pixel_and_corner(values)
-        shown = FIELDS[name].heading, _shown_values(values.values, name)
+        shown = SHOWN_FIELDS[name].heading, _shown_values(values.values, name)
         meshes[name] = image((1e6 * d1, 1e6 * d2), (0.0, 0.0), [shown])
     return meshes
 
@@ -164,7 +164,7 @@ def seal_meshes(results: Results, step: int, names: list[str]) -> dict[str, Any]
     corner_numbers = np.arange(len(points)).reshape(corners.shape[:2])
     meshes = {}
     for name in names:
-        shown = FIELDS[name]
+        shown = SHOWN_FIELDS[name]
         if shown.tiles not in data:
             continue
         mesh = pyvista.PolyData.from_regular_faces(points, corner_numbers)
@@ -185,7 +185,7 @@ def _shown_values(values: Array, name: str) -> Array:
 
     A gap of 0 is replaced by NaN, because pixels without a value are drawn in the colour for contact.
     """
-    shown = np.asarray(values, float) / FIELDS[name].unit
+    shown = np.asarray(values, float) / SHOWN_FIELDS[name].unit
     return np.where(shown > 0, shown, np.nan) if name == "gap" else shown
 
 
@@ -205,7 +205,7 @@ def _window(
         shape=(1, len(meshes)), off_screen=off_screen, window_size=(width * len(meshes), height)
     )
     for column, (name, mesh) in enumerate(meshes.items()):
-        shown = FIELDS[name]
+        shown = SHOWN_FIELDS[name]
         plotter.subplot(0, column)
         plotter.set_background("white")
         bar = {"title": shown.heading, "color": "black", "fmt": "%.3g", "vertical": False}

@@ -26,7 +26,7 @@ _ADVICE = {
 }
 #: Number of realisations in the first attempt, and largest number of realisations. Multiplying the number of
 #: realisations by `HALVING` halves the error of their median.
-FIRST_SEALS, MOST_SEALS, HALVING = 20, 20480, 4
+FIRST_REALISATIONS, MOST_REALISATIONS, HALVING = 20, 20480, 4
 #: Largest error of ln(leakage), divided by the tolerance of the contact, for tolerances from 1e-3 to 1e-7. The value is
 #: three times the largest error on six elastic and plastic surfaces, at loads from the open state to a hundredth of the
 #: open leakage, see docs/evidence/only_what_is_needed.md.
@@ -106,7 +106,7 @@ def first_settings(case: Case, original: Prepared) -> Settings:
     sampling = original.sampling
     realisations = None if sampling is None else sampling.realisations
     if sampling is not None and "realisations" not in given:
-        realisations = FIRST_SEALS
+        realisations = FIRST_REALISATIONS
     rtol = case.contact.rtol if "rtol" in given else contact_tolerance(case.accuracy)
     settings = Settings(original.answer.name, 0, rtol, realisations)
     if "grid" in given:
@@ -226,7 +226,7 @@ def finer_settings(
             setting="realisations",
             value=realisations,
             text=f"{realisations} seals",
-            is_allowed=realisations <= MOST_SEALS,
+            is_allowed=realisations <= MOST_REALISATIONS,
         ),
     }
     if part not in refinements:

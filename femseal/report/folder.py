@@ -21,8 +21,7 @@ from ..base import (
 from ..base.files import is_inside
 from ..results.dataset_file import FILE_NAME, save
 from ..results.file_options import FIELDS_LIMIT
-from ..results.pixel_fields import NAME as FIELDS
-from ..results.pixel_fields import plan_fields, write_fields
+from ..results.pixel_fields import SERIES_NAME, plan_fields, write_fields
 from ..results.results import Results
 from ..results.tables import rows, write_workbook
 from ..results.vtk_files import write_vtk
@@ -32,9 +31,9 @@ from .pictures import FILES, draw_formats
 
 #: File that lists the files of a run, one name per line. The next run in the same folder replaces or removes all files
 #: in this list.
-MANIFEST = "files.txt"
+FILE_LIST = "files.txt"
 #: Largest size of a manifest that is read [byte].
-_LARGEST_MANIFEST = 1e7
+_LARGEST_FILE_LIST = 1e7
 #: Subfolder that contains the files of a run until all of them are written.
 UNFINISHED = ".unfinished"
 #: Subfolder of the files for ParaView.
@@ -128,7 +127,7 @@ def write_again(
     """
     target = Path(results.folder or "")
     # Fields and files for ParaView are in a folder of this name, or in a .pvd file of this name beside the folder.
-    is_kept = {FIELDS: fields, VIEWS: paraview != "none"}
+    is_kept = {SERIES_NAME: fields, VIEWS: paraview != "none"}
     kept_files = []
     for name in _files_of_earlier_run(target):
         stem = Path(name.parts[0]).stem
@@ -200,7 +199,7 @@ def _replace_files(
             f"output folder: {reason}; the computed results are in '{saved_results}'"
         ) from error
     shutil.rmtree(unfinished, ignore_errors=True)
-    return [target / MANIFEST, *(target / name for name in all_files)]
+    return [target / FILE_LIST, *(target / name for name in all_files)]
 
 
 def _move_file(name: Path, source: Path, target: Path) -> None:
@@ -219,7 +218,7 @@ def _move_file(name: Path, source: Path, target: Path) -> None:
 
 def _write_manifest(folder: Path, names: Iterable[Path]) -> None:
     """Write the names of the files of a run, one per line."""
-    write_text(folder / MANIFEST, "".join(f"{name.as_posix()}\n" for name in names))
+    write_text(folder / FILE_LIST, "".join(f"{name.as_posix()}\n" for name in names))
 
 
 def _write_tables_and_pictures(
@@ -251,7 +250,7 @@ def _write_tables_and_pictures(
 def _files_of_earlier_run(folder: Path) -> list[Path]:
     """Return the files in the manifest of an earlier run. Paths that lead out of the folder are left out."""
     try:
-        text = read_plain(folder / MANIFEST, _LARGEST_MANIFEST).decode()
+        text = read_plain(folder / FILE_LIST, _LARGEST_FILE_LIST).decode()
     except (OSError, UnicodeDecodeError):
         return []
     names = [Path(line) for line in text.splitlines() if line and "\0" not in line]

@@ -6,7 +6,7 @@ The module does not import the solvers, so that a case can be read quickly.
 from ..base import InputError
 
 #: Formats of the files for ParaView: series of .vtu files, which every version of ParaView opens, or no files.
-FORMATS = ("vtu", "none")
+PARAVIEW_FORMATS = ("vtu", "none")
 #: Formats of pictures: pixels for screens, and vectors for print.
 PICTURE_FORMATS = ("png", "svg", "pdf")
 #: Default limit of the size of all fields over the pixels before compression [byte]. If the fields of all steps are

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..base import Array, to_text
 from ..base.fields import LEAK_CLASS
-from ..base.leak_rates import USUAL, LeakBasis, LeakClass, leak_classes, within
+from ..base.leak_rates import USUAL_CLASSES, LeakBasis, LeakClass, leak_classes, within
 from .best_leakage import class_basis_of
 from .variables import add_coordinate, add_new
 
@@ -93,12 +93,12 @@ def class_limits(
     Parameters
     ----------
     data : dataset of a run.
-    classes : leakage classes; by default the classes of the run, or the classes in `USUAL` for a run without classes.
+    classes : leakage classes; by default the classes of the run, or `USUAL_CLASSES` for a run without classes.
     diameter : nominal diameter [m]; by default the nominal diameter of the run.
     """
     if not classes:
         has_classes = "leak_class" in data.coords
-        classes = leak_classes(data["leak_class"].values.tolist() if has_classes else USUAL)
+        classes = leak_classes(data["leak_class"].values.tolist() if has_classes else USUAL_CLASSES)
     diameter = diameter or data.attrs.get("nominal_diameter_m")
     basis = class_basis_of(data)
     return {leak_class.name: leak_class.limit(basis, diameter) for leak_class in classes}

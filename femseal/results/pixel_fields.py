@@ -27,14 +27,14 @@ if TYPE_CHECKING:
 
     from .results import Results
 
-NAME = "fields"
+SERIES_NAME = "fields"
 #: Text for error messages that says which runs store fields over the pixels.
 WITH_FIELDS = (
     f"a run with {names_with('has_pixel_fields', quote=chr(34))} as method or in `compare`, "
     "with fields = true in [output]"
 )
 #: Fields that can be exported.
-FIELDS = ("gap", "contact_pressure", "fluid_pressure")
+EXPORTED_FIELDS = ("gap", "contact_pressure", "fluid_pressure")
 #: Rectangle of a surface: first and last x1, first and last x2 [m].
 Window = tuple[float, float, float, float]
 
@@ -118,7 +118,7 @@ def write_fields(run: Results, steps: Indices, folder: Path) -> list[Path]:
         image = vtk_files.image(spacing, (0.0, 0.0), pixels(step))
         return vtk_files.with_load(image, loads[step])
 
-    return vtk_files.write_series(NAME, image_at, steps.tolist(), folder)
+    return vtk_files.write_series(SERIES_NAME, image_at, steps.tolist(), folder)
 
 
 def read_pixels(run: Results, name: str, step: int, cell: Shape | None = None) -> xarray.DataArray:
@@ -180,7 +180,7 @@ def stored_steps(run: Results) -> list[int]:
     """Return the indices of the steps whose pixel fields are in memory or in the results folder."""
     if _fields_in_memory(run):
         return list(range(run.dataset.sizes["step"]))
-    return [] if run.folder is None else list(vtk_files.stored_images(run.folder, NAME))
+    return [] if run.folder is None else list(vtk_files.stored_images(run.folder, SERIES_NAME))
 
 
 def _from_memory(run: Results, name: str, step: int) -> _PixelField | None:
@@ -195,7 +195,7 @@ def _from_memory(run: Results, name: str, step: int) -> _PixelField | None:
 
 def _from_folder(run: Results, name: str, step: int) -> _PixelField | None:
     """Read a field at a load step from the results folder, or return None if the folder lacks the field."""
-    images = {} if run.folder is None else vtk_files.stored_images(run.folder, NAME)
+    images = {} if run.folder is None else vtk_files.stored_images(run.folder, SERIES_NAME)
     if step not in images:
         return None
     # The name of an array in the image consists of the name and the unit of the field. The unit is unknown: try all.
@@ -262,8 +262,8 @@ def export_field(
         raised if the results have no pixel fields, or if a file cannot be written.
     """
     path = Path(path)
-    if field not in FIELDS:
-        raise InputError("field", repr(field), f"one of {', '.join(FIELDS)}")
+    if field not in EXPORTED_FIELDS:
+        raise InputError("field", repr(field), f"one of {', '.join(EXPORTED_FIELDS)}")
     write = _FORMATS.get(path.suffix.lower())
     if write is None:
         expected = "a file .npz, from which NumPy and other programs make .tif and .x3p, or .vti"

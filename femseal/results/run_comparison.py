@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     import xarray
 
 #: Variables with the lower and upper quantile of the leakage of the realisations.
-QUANTILES = ("leakage_lower", "leakage_upper")
+QUANTILE_VARIABLES = ("leakage_lower", "leakage_upper")
 
 Run = Results | AnyPath
 
@@ -81,9 +81,9 @@ class RunComparison(Plotted):
         results = self.runs[run]
         data = results.dataset
         has_realisations = results.best_study.has_realisations
-        if not has_realisations or any(name not in data for name in QUANTILES):
+        if not has_realisations or any(name not in data for name in QUANTILE_VARIABLES):
             return None
-        lower, upper = (data[name].values / self._factor(run) for name in QUANTILES)
+        lower, upper = (data[name].values / self._factor(run) for name in QUANTILE_VARIABLES)
         return lower, upper
 
     def interval(self, run: int) -> tuple[Array, Array] | None:

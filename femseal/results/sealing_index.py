@@ -38,7 +38,7 @@ from .results import Results
 from .verdict import LeakageCurve, falling_steps
 
 #: Largest relative deviation of the permeability from a power law within the range of pressures of the law.
-TOLERANCE = 0.1
+FIT_TOLERANCE = 0.1
 #: Quantiles of the realisations that bound their 95 % interval.
 _QUANTILES = (0.025, 0.975)
 
@@ -220,7 +220,7 @@ def fit_power_law(pressures: ArrayLike, permeabilities: ArrayLike) -> PowerLaw:
 
 
 def fit_power_laws(
-    pressures: ArrayLike, permeabilities: ArrayLike, tolerance: float = TOLERANCE
+    pressures: ArrayLike, permeabilities: ArrayLike, tolerance: float = FIT_TOLERANCE
 ) -> tuple[PowerLaw, ...]:
     """Divide the contact pressures into as few ranges as possible, and fit a power law in each range.
 
@@ -323,7 +323,7 @@ def sealing_indices(
     results: Results,
     classes: Iterable[str] = (),
     *,
-    tolerance: float = TOLERANCE,
+    tolerance: float = FIT_TOLERANCE,
     nominal_diameter: float | str | None = None,
 ) -> tuple[SealingIndex, ...]:
     """Compute the sealing index for the surface of a run, on loading and on unloading from the highest load.
@@ -359,7 +359,7 @@ def sealing_indices(
 
 
 def indices_of_limits(
-    results: Results, limits: Mapping[str, float], tolerance: float = TOLERANCE
+    results: Results, limits: Mapping[str, float], tolerance: float = FIT_TOLERANCE
 ) -> tuple[SealingIndex, ...]:
     """Compute the sealing index for the surface of a run, with limits of the leakage in place of leakage classes.
 

@@ -33,7 +33,7 @@ from .results import Results
 #: Function that converts a nominal pressure [Pa] to text, see `LoadFormat`.
 LoadText = Callable[[float], str]
 #: Name of the 95 % interval in sentences.
-INTERVAL = "the whole 95 % interval"
+WHOLE_INTERVAL = "the whole 95 % interval"
 
 
 @dataclass(frozen=True)
@@ -392,8 +392,8 @@ class Verdict:
         if self.met_with_interval is None:
             return "met as computed"
         if self.met_with_interval:
-            return f"met, also with {INTERVAL}"
-        return f"met as computed, but not with {INTERVAL}"
+            return f"met, also with {WHOLE_INTERVAL}"
+        return f"met as computed, but not with {WHOLE_INTERVAL}"
 
 
 def verdicts_of(

@@ -17,7 +17,7 @@ from .measures import HEIGHTS, LOAD_INCREASE, best_narrowing, lowering
 from .results import Results
 from .tables import format_interval, format_leakage, format_upper_end, half_width_text
 from .verdict import (
-    INTERVAL,
+    WHOLE_INTERVAL,
     LeakageCurve,
     LoadText,
     NeededPressure,
@@ -426,8 +426,8 @@ def required_loads(needed: NeededPressure, load_text: LoadText) -> str:
         return f"{as_computed} as computed"
     with_interval = needed.words(needed.value, load_text)
     if with_interval == as_computed:
-        return f"{as_computed}, as computed and with {INTERVAL}"
-    return f"{as_computed} as computed, and {with_interval} with {INTERVAL}"
+        return f"{as_computed}, as computed and with {WHOLE_INTERVAL}"
+    return f"{as_computed} as computed, and {with_interval} with {WHOLE_INTERVAL}"
 
 
 def verdict_table(
@@ -468,7 +468,7 @@ def verdict_table(
         columns.append((f"{heading}, as computed", texts))
         if pressures[0].has_interval:
             texts = [pressure.words(pressure.value, load_text) for pressure in pressures]
-            columns.append((f"{heading}, with {INTERVAL}", texts))
+            columns.append((f"{heading}, with {WHOLE_INTERVAL}", texts))
     columns += [(heading, list(texts)) for heading, texts in more]
     title = f"Leakage classes, decided by {verdicts[0].fluid}"
     return TextTable.of_columns(title, columns, names=len(columns))

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import AnyPath, Array, Mapper, Pair, Stage, made_folder, write_bytes, write_text
-from ..base.fields import CELL, CELL_STATE, PART, PART_FORM, PART_VECTOR, Dimensions, Field
+from ..base.fields import CELL, CELL_STATE, TILE, TILE_FORM, TILE_VECTOR, Dimensions, Field
 from ..topography import Surface
 
 if TYPE_CHECKING:
@@ -321,14 +321,14 @@ def _realisation(data: xarray.Dataset) -> Cells:
     step_count = data.sizes["step"]
     cell_data = {}
     for variable in data.data_vars.values():
-        if variable.dims not in (PART, PART_FORM, PART_VECTOR):
+        if variable.dims not in (TILE, TILE_FORM, TILE_VECTOR):
             continue
         field = Field.from_variable(variable)
         values = variable.values * field.scale
-        if variable.dims == PART_FORM:
+        if variable.dims == TILE_FORM:
             # the form is the same at every step
             values = np.broadcast_to(values, (step_count, values.size))
-        if variable.dims == PART_VECTOR:
+        if variable.dims == TILE_VECTOR:
             # (step, tile, 2) -> (step, tile, 3), with a third component of 0
             values = np.pad(values, ((0, 0), (0, 0), (0, 1)))
         cell_data[field.array_name.removeprefix("drawn_")] = values

@@ -19,7 +19,7 @@ from ..preparation.memory import START_MEMORY
 from ..preparation.prepared import Prepared
 from ..refinement.settings import first_version
 from ..studies import StudyCost, drop_ratio
-from ..studies.sampling import FEWEST_SEALS, MOST_SEALS
+from ..studies.sampling import FEWEST_BY_DEFAULT, MOST_BY_DEFAULT
 from ..studies.study_list import names_with
 
 #: Time of starting a run, which includes loading compiled loops and reading or generating a face [s].
@@ -111,8 +111,8 @@ def forecast(
             scene = test_fluid.state.in_scene(prepared.scene)
             inputs.append(prepared.only_answer.replaced(scene=scene))
         # if the number of realisations is chosen during the run, it lies between these two numbers
-        fewest_costs = _study_costs(inputs, FEWEST_SEALS)
-        most_costs = _study_costs(inputs, MOST_SEALS)
+        fewest_costs = _study_costs(inputs, FEWEST_BY_DEFAULT)
+        most_costs = _study_costs(inputs, MOST_BY_DEFAULT)
     # The studies are solved one after the other, and the working arrays of a study are freed before the next study
     # begins. The memory is therefore determined by the largest study.
     pixels = max(version.scene.surface.heights.size for version in inputs)

@@ -11,7 +11,7 @@ from ..checks import coating_depth_warnings, flow_warnings
 from ..preparation.prepared import Prepared
 from ..refinement.refine_to_accuracy import TIME_LIMIT
 from ..refinement.settings import first_settings, first_version, grid_points
-from ..studies.sampling import FEWEST_SEALS, MOST_SEALS
+from ..studies.sampling import FEWEST_BY_DEFAULT, MOST_BY_DEFAULT
 from .case_description import Line, describe_case
 from .disk_space import disk_space, stores_states
 from .forecast import WORKER_MEMORY, Forecast, budget_inputs, forecast
@@ -87,7 +87,9 @@ def _time_line(expected: Forecast) -> str:
     all_cores = expected.time_text(n_cores)
     text = f"{one_core} on one core, {all_cores} on the {n_cores} of this machine"
     if expected.most_parallel_seconds > expected.parallel_seconds:
-        text += f" ({FEWEST_SEALS} to {MOST_SEALS} seals, as many as their scatter asks for)"
+        text += (
+            f" ({FEWEST_BY_DEFAULT} to {MOST_BY_DEFAULT} seals, as many as their scatter asks for)"
+        )
     return text
 
 

@@ -32,7 +32,7 @@ from .trapped_liquid import TrappedLiquid, liquid_in_pockets
 #: On self-affine and turned surfaces of 256² points with p̄/H from 0.02 to 0.2, the iteration took two to five rounds
 #: for p_in/p̄ up to 0.3, and at most six rounds for p_in/p̄ up to 1. With trapped liquid that lifts the rims of its
 #: pockets, it took up to 25 rounds.
-RTOL, MOST_ROUNDS = 1e-3, 60
+COUPLING_RTOL, MOST_ROUNDS = 1e-3, 60
 #: Largest fraction of the nominal pressure that the fluid carries in the first round.
 _FIRST_CARRIED = 0.9
 #: If less than this fraction of the nominal pressure is left to the contact, the iteration stops, and the load at which
@@ -120,7 +120,7 @@ def solve_coupled_contact(
         if isinstance(solved.flow, Failed):
             return solved.coupled_contact()
         change = solved.change(previous, step, fluid.largest)
-        if change <= tolerance_factor * RTOL:
+        if change <= tolerance_factor * COUPLING_RTOL:
             return solved.coupled_contact()
         left_to_contact = problem.left_to_contact(applied)
         if left_to_contact <= _LEAST_CONTACT_SHARE * pressure:

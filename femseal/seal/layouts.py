@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 
 
 #: Named directions of the lay: two along the axes of the plane, and two relative to the centre of the seal.
-NAMES = ("x1", "x2", "radial", "circumferential")
+LAY_NAMES = ("x1", "x2", "radial", "circumferential")
 _ALLOWED = (
-    f"one of {', '.join(NAMES)}, {{angle = '30 deg'}} from x1 to x2, {{kind = 'spiral', lead = '60 um', starts = 1}}, "
-    "or {field = 'file.vtu:name'}"
+    f"one of {', '.join(LAY_NAMES)}, {{angle = '30 deg'}} from x1 to x2, "
+    "{kind = 'spiral', lead = '60 um', starts = 1}, or {field = 'file.vtu:name'}"
 )
 #: Smallest circumference of a seal [m].
 _SMALLEST_CIRCUMFERENCE = 1e-6
@@ -53,7 +53,7 @@ def parse_lay(given: Any, folder: Path = Path()) -> Lay:
     match given:
         case Lay():
             return given
-        case str() if given in NAMES:
+        case str() if given in LAY_NAMES:
             return Lay(name=given)
         case {"angle": angle} if len(given) == 1:
             return Lay(angle=_to_si_value(angle, "rad", "lay.angle"))

@@ -45,7 +45,7 @@ from .tile_fluid import TileFluid
 #: Cells of a block along each axis. Measured on 10 surfaces of 2 × 2 blocks: with 4 cells, the quartiles of the ratio
 #: (computed leakage)/(leakage of the whole surface) are 0.90 and 1.43. With 2 cells, the quartiles are 0.79 and 1.33,
 #: and the end of a 95 % interval is at a factor of 4.6 instead of 2.2.
-CELLS = 4
+BLOCK_CELLS = 4
 #: Longest wavelength in the heights of a block, divided by the side length of a cell. Longer waves belong to the coarse
 #: surface.
 _LONGEST_WAVE = 2.0
@@ -161,7 +161,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
     True
     """
     check_blocks(scene, blocks)
-    cells_shape = blocks[0] * CELLS, blocks[1] * CELLS
+    cells_shape = blocks[0] * BLOCK_CELLS, blocks[1] * BLOCK_CELLS
     block_scenes = []
     coarse_heights = np.empty(cells_shape)
     for position in np.ndindex(*blocks):
@@ -178,7 +178,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
     # permeabilities (fluid pressure, axis, step, row of cells, column of cells)
     k = np.empty((*solved_blocks[0].k.shape[:3], *cells_shape))
     for position, block in zip(np.ndindex(*blocks), solved_blocks, strict=True):
-        block_k = block.k.reshape(*block.k.shape[:3], CELLS, CELLS)
+        block_k = block.k.reshape(*block.k.shape[:3], BLOCK_CELLS, BLOCK_CELLS)
         _cells_of_block(k, position)[...] = block_k
     k += opening_permeability(separation, opening)
     mean_gap = separation + opening
@@ -217,9 +217,13 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
 def check_blocks(scene: Scene, blocks: Shape) -> None:
     """Raise InputError if the surface of a scene cannot be divided into `blocks` along x1 and x2."""
     for points, count in zip(scene.surface.shape, blocks, strict=True):
-        if count < 1 or points % (count * CELLS) or points // (count * CELLS) < FEWEST_POINTS:
+        if (
+            count < 1
+            or points % (count * BLOCK_CELLS)
+            or points // (count * BLOCK_CELLS) < FEWEST_POINTS
+        ):
             expected = (
-                f"numbers of blocks whose {CELLS} × {CELLS} cells divide the points evenly, with at least "
+                f"numbers of blocks whose {BLOCK_CELLS} × {BLOCK_CELLS} cells divide the points evenly, with at least "
                 f"{FEWEST_POINTS} points along each side of a cell"
             )
             given = "{} × {} of {} × {} points".format(*blocks, *scene.surface.shape)
@@ -241,9 +245,9 @@ def blocks_of(cells: Shape | None) -> Shape:
 
     Each block consists of 4 × 4 cells. Raises InputError if one of the numbers of cells is not divisible by 4.
     """
-    if cells is None or any(count % CELLS for count in cells):
-        raise InputError("cells", cells, f"multiples of {CELLS}, the cells of a block")
-    return cells[0] // CELLS, cells[1] // CELLS
+    if cells is None or any(count % BLOCK_CELLS for count in cells):
+        raise InputError("cells", cells, f"multiples of {BLOCK_CELLS}, the cells of a block")
+    return cells[0] // BLOCK_CELLS, cells[1] // BLOCK_CELLS
 
 
 def usual_blocks(points: Shape) -> Shape:
@@ -255,7 +259,7 @@ def usual_blocks(points: Shape) -> Shape:
     counts = []
     for n in points:
         fewest = max(2, ceil(n / _MOST_POINTS_OF_SIDE))
-        divisors = (count for count in range(fewest, n) if n % (count * CELLS) == 0)
+        divisors = (count for count in range(fewest, n) if n % (count * BLOCK_CELLS) == 0)
         counts.append(next(divisors, 2))
     return counts[0], counts[1]
 
@@ -276,7 +280,7 @@ def _split(scene: Scene, blocks: Shape, position: tuple[int, ...]) -> tuple[Scen
     -------
     scene : Scene
         Scene whose surface is the block without its long waves, continued by mirror images at all four sides.
-    long_waves : array (CELLS, CELLS), m
+    long_waves : array (BLOCK_CELLS, BLOCK_CELLS), m
         Heights of the long waves, averaged over each cell.
     """
     surface = scene.surface
@@ -285,9 +289,9 @@ def _split(scene: Scene, blocks: Shape, position: tuple[int, ...]) -> tuple[Scen
     columns = slice(position[1] * n2, (position[1] + 1) * n2)
     heights = np.ascontiguousarray(surface.heights[rows, columns])
     block = Topography(heights, surface.spacing, (False, False))
-    long_waves = block.low_pass(_LONGEST_WAVE * max(block.size) / CELLS).heights
+    long_waves = block.low_pass(_LONGEST_WAVE * max(block.size) / BLOCK_CELLS).heights
     # (row of cells, row of points in the cell, column of cells, column of points in the cell)
-    by_cell = long_waves.reshape(CELLS, n1 // CELLS, CELLS, n2 // CELLS)
+    by_cell = long_waves.reshape(BLOCK_CELLS, n1 // BLOCK_CELLS, BLOCK_CELLS, n2 // BLOCK_CELLS)
     cell_means = by_cell.mean(axis=(1, 3))
     short_waves = block.with_heights(block.heights - long_waves)
     block_scene = replace(scene, surface=short_waves, boundary=("mirror", "mirror"))
@@ -295,8 +299,8 @@ def _split(scene: Scene, blocks: Shape, position: tuple[int, ...]) -> tuple[Scen
 
 
 def _cells_of_block(values: Array, position: tuple[int, ...]) -> Array:
-    """Return a view of the cells of one block (…, CELLS, CELLS), given all cells (…, rows, columns)."""
-    rows, columns = (slice(i * CELLS, (i + 1) * CELLS) for i in position)
+    """Return a view of the cells of one block (…, BLOCK_CELLS, BLOCK_CELLS), given all cells (…, rows, columns)."""
+    rows, columns = (slice(i * BLOCK_CELLS, (i + 1) * BLOCK_CELLS) for i in position)
     return values[..., rows, columns]
 
 
@@ -333,8 +337,10 @@ def _coarse_contact(scene: Scene, blocks: Shape, depth: Array, layers: list[Roug
         layers[0],
         separation=np.concatenate([layer.separation for layer in layers]),
         recovery=np.concatenate([layer.recovery for layer in layers]),
-        # every cell has the layer of its block: repeat the number of each block for its CELLS × CELLS cells
-        surface_number=block_numbers.repeat(CELLS, axis=0).repeat(CELLS, axis=1).ravel(),
+        # every cell has the layer of its block: repeat the number of each block for its BLOCK_CELLS × BLOCK_CELLS cells
+        surface_number=block_numbers.repeat(BLOCK_CELLS, axis=0)
+        .repeat(BLOCK_CELLS, axis=1)
+        .ravel(),
     )
     cells = ContactPoints(
         body, np.ones(depth.shape, bool), depth.ravel(), float(layer.pressure[-1])
@@ -365,11 +371,12 @@ class _SolvedBlock:
 def _solve_block_cells(block_and_pressure: tuple[Scene, Array]) -> _SolvedBlock:
     """Compute the permeabilities of the cells of a block at the pressures from the contact on the coarse grid.
 
-    block_and_pressure : scene of the block, and nominal pressure of each of its cells (steps, CELLS, CELLS) [Pa].
+    block_and_pressure : scene of the block, and nominal pressure of each of its cells [Pa], an array (steps,
+        BLOCK_CELLS, BLOCK_CELLS).
     """
     block, pressure = block_and_pressure
     steps = block.steps
-    cut = Cut.of(block.surface, (CELLS, CELLS))
+    cut = Cut.of(block.surface, (BLOCK_CELLS, BLOCK_CELLS))
     fluid = TileFluid.of(block)
     # (step, path): one path for each cell, or, if the fluid pressure acts on the surfaces, for each relief and cell
     paths = fluid.effective_pressures(pressure.reshape(len(steps), -1))
@@ -378,7 +385,7 @@ def _solve_block_cells(block_and_pressure: tuple[Scene, Array]) -> _SolvedBlock:
     k_on_paths = fluid.select_matching_reliefs(interpolate_along_paths(cells, paths, steps))
     # The last two axes are (path, cell). Path n is the pressure of cell n, so that only the permeability of cell n on
     # path n is needed.
-    cell = np.arange(CELLS**2)
+    cell = np.arange(BLOCK_CELLS**2)
     k = k_on_paths[..., cell, cell]  # (fluid pressure, axis, step, cell)
     mean_pressure = paths.mean(axis=1)
     unknown = np.full(len(steps), np.nan)  # the open leakage is computed for the whole surface

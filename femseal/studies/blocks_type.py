@@ -73,10 +73,10 @@ class BlocksStudy(Study):
         self, patch: Topography, points: Shape, shortest_wave: float, in_order: bool
     ) -> Shape:
         """Choose the cells of the largest blocks that have at most 1024 points along a side."""
-        from .blocks import CELLS, usual_blocks
+        from .blocks import BLOCK_CELLS, usual_blocks
 
         b1, b2 = usual_blocks(points)
-        return CELLS * b1, CELLS * b2
+        return BLOCK_CELLS * b1, BLOCK_CELLS * b2
 
     def state_count(self, scene: Scene, options: StudyOptions) -> int:
         """Return the usual number of contact states at tabulated pressures."""

@@ -48,11 +48,11 @@ from .patch_state import PatchState
 #: Calibration set, which is written by `stochastic_seals.py` and `patch_and_form.py` of `tests/benchmarks`.
 CALIBRATION = Path(__file__).with_name("interval_calibration.csv")
 #: Kinds of computation, see the docstring of this module.
-KINDS = ("in order", "at random", "with form", "by blocks")
+COMPUTATIONS = ("in order", "at random", "with form", "by blocks")
 #: Columns of the calibration set. "leakage" and "truth" are divided by the leakage of an open seal, see `PatchState`.
 #: "load" and "peak" are divided by the highest load. "decades" is the number of decades by which the true leakage has
 #: fallen since the first load. The column "decades" is only used to group tables.
-COLUMNS = (
+CALIBRATION_COLUMNS = (
     "kind",
     "surface",
     "scene",
@@ -210,7 +210,7 @@ class IntervalWidths:
     Parameters
     ----------
     kind : str
-        One of `KINDS`.
+        One of `COMPUTATIONS`.
     scenes : int
         Number of simulated scenes of this kind in the calibration set.
     below, above : float
@@ -232,7 +232,7 @@ class IntervalWidths:
         Parameters
         ----------
         kind : str
-            One of `KINDS`.
+            One of `COMPUTATIONS`.
         rows : sequence of mapping
             Rows of the calibration set for this kind of computation. Each row of the set describes a load step of a
             scene.
@@ -376,7 +376,7 @@ def sealed_end() -> float:
 
     The ratio is calibrated on sealed states, pooled over all kinds of computation.
     """
-    rows = [row for kind in KINDS for row in calibration_rows(kind)]
+    rows = [row for kind in COMPUTATIONS for row in calibration_rows(kind)]
     rows = [row for row in rows if float(row["leakage"]) == 0 and row["patch"] != _BOTH_PATCHES]
     truth = np.array([float(row["truth"]) for row in rows])
     return weighted_quantile(truth, np.array([row["scene"] for row in rows]), COVERAGE)

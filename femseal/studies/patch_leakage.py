@@ -14,7 +14,7 @@ from ..loads import least_counted
 from ..topography.patches import split_patches
 
 #: Smallest number of measured patches for which the leakage without one of the patches is computed.
-FEWEST = 3
+FEWEST_PATCHES = 3
 
 
 @dataclass(frozen=True, repr=False)
@@ -63,9 +63,9 @@ class PatchLeakage(Shown):
     @property
     def without(self) -> Array | None:
         """Leakage with one patch left out, for each omitted patch (patches, steps) [m²/s]; None for two patches."""
-        # With two patches, `selections` has two rows, and half of the rows is fewer than `FEWEST`.
+        # With two patches, `selections` has two rows, and half of the rows is fewer than `FEWEST_PATCHES`.
         patches = len(self.selections) // 2
-        return self.selections[patches:] if patches >= FEWEST else None
+        return self.selections[patches:] if patches >= FEWEST_PATCHES else None
 
     @property
     def relative(self) -> Array:
@@ -117,7 +117,7 @@ def permeabilities_of_patches(
     """
     patches = split_patches(gap, widths)
     selections = [[patch] for patch in patches]
-    if len(patches) >= FEWEST:
+    if len(patches) >= FEWEST_PATCHES:
         for left_out in range(len(patches)):
             selections.append([*patches[:left_out], *patches[left_out + 1 :]])
     permeabilities = []

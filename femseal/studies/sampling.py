@@ -14,7 +14,7 @@ from ..seal.tiles import CellSize, SealTiles
 from ..topography import Surface
 
 #: Smallest and largest number of realisations, if their number is not given.
-FEWEST_SEALS, MOST_SEALS = 3, 200
+FEWEST_BY_DEFAULT, MOST_BY_DEFAULT = 3, 200
 #: Largest number of tiles for a seal that does not vary along its length. A longer seal is represented by a part of its
 #: length. The leakage of such a part scatters by less than 1 %, except near closing.
 MOST_TILES = 4000
@@ -138,8 +138,8 @@ def usual_realisations(cells: Shape, tiles: SealTiles) -> int:
     cells : numbers of cells of the surface along x1 and x2.
     """
     area_ratio = tiles.count / (cells[0] * cells[1])  # of the seal to the surface
-    count = MOST_SEALS / max(area_ratio, 1.0)
-    return round(min(max(count, FEWEST_SEALS), MOST_SEALS))
+    count = MOST_BY_DEFAULT / max(area_ratio, 1.0)
+    return round(min(max(count, FEWEST_BY_DEFAULT), MOST_BY_DEFAULT))
 
 
 def uses_tabulated_pressures(scene: Scene, sampling: Sampling) -> bool:

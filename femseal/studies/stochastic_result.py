@@ -12,12 +12,12 @@ import numpy as np
 from ..base import Array, Shown
 from ..base.fields import (
     CORNER,
-    PART,
-    PART_FORM,
-    PART_VECTOR,
     REALISATION,
     ROW,
     STEP,
+    TILE,
+    TILE_FORM,
+    TILE_VECTOR,
     Field,
     declared,
 )
@@ -68,28 +68,28 @@ class MedianSeal(Shown):
         repr=False,
     )
     permeability: Array = declared(
-        "drawn_permeability", "m^3", "permeability, median realisation", PART
+        "drawn_permeability", "m^3", "permeability, median realisation", TILE
     )
     fluid_pressure: Array = declared(
-        "drawn_fluid_pressure", "Pa", "fluid pressure, median realisation", PART
+        "drawn_fluid_pressure", "Pa", "fluid pressure, median realisation", TILE
     )
-    flux: Array = declared("drawn_flux", "m^2/s", "flow per width, median realisation", PART_VECTOR)
+    flux: Array = declared("drawn_flux", "m^2/s", "flow per width, median realisation", TILE_VECTOR)
     pressure: Array | None = declared(
         "drawn_contact_pressure",
         "Pa",
         "contact pressure of tiles, median realisation",
-        PART,
+        TILE,
         default=None,
     )
-    form: Array | None = declared("drawn_form", "m", "form of the seal", PART_FORM, default=None)
+    form: Array | None = declared("drawn_form", "m", "form of the seal", TILE_FORM, default=None)
     separation: Array | None = declared(
-        "drawn_separation", "m", "distance of the mean planes of the faces", PART, default=None
+        "drawn_separation", "m", "distance of the mean planes of the faces", TILE, default=None
     )
     nominal: Array | None = declared(
         "drawn_nominal_pressure",
         "Pa",
         "nominal pressure of tiles under the form of the seal",
-        PART,
+        TILE,
         default=None,
     )
 

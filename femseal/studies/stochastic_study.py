@@ -27,7 +27,7 @@ from .face_result import fields_of_rows
 from .patch_interval import interval_widths
 from .patch_leakage import PatchLeakage
 from .patch_state import PatchState, open_leakage_per_permeability
-from .sampling import FEWEST_SEALS, MOST_SEALS, Sampling, cut_and_tiles
+from .sampling import FEWEST_BY_DEFAULT, MOST_BY_DEFAULT, Sampling, cut_and_tiles
 from .seal_contact import SealContact, remove_waves_of_forms, solve_seal_contact
 from .stochastic_result import MedianSeal, StochasticResult, at_every_step, find_median_realisation
 from .tile_pressure import check_map, pressure_fractions
@@ -155,7 +155,7 @@ def _solve_realisations(
     """Solve the given number of realisations, by default the number that `_count_needed` returns."""
     stage = Stage("realisations", partial(_realise, supply=supply, seed=sampling.seed))
     kind = _kind(supply.tiles, sampling)
-    count = sampling.realisations or FEWEST_SEALS
+    count = sampling.realisations or FEWEST_BY_DEFAULT
     realisations = list(mapper(stage, range(count)))
     while sampling.realisations is None:
         leakage = np.array([realisation.leakage for realisation in realisations])
@@ -198,7 +198,7 @@ def _count_needed(leakage: Array, kind: str, state: PatchState) -> int:
     # solve _MEDIAN_ERROR · deviation/√n = MEDIAN_ERROR_FRACTION · half_width for n, at every counted step
     counts = (_MEDIAN_ERROR * deviation / (MEDIAN_ERROR_FRACTION * half_width)) ** 2
     largest = float(np.max(counts[np.isfinite(counts)], initial=0.0))
-    return int(np.clip(np.ceil(largest), FEWEST_SEALS, MOST_SEALS))
+    return int(np.clip(np.ceil(largest), FEWEST_BY_DEFAULT, MOST_BY_DEFAULT))
 
 
 def _realise(realisation: int, *, supply: CellSupply, seed: int) -> _Realisation:

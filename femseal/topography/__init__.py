@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .describe import SurfaceReport, describe_surface
     from .generate import self_affine, turned
     from .grid_choice import (
-        MOST_POINTS,
+        MOST_GRID_POINTS,
         check_wave,
         default_points,
         default_wave,

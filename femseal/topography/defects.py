@@ -24,7 +24,7 @@ from .form_fit import fit_form, row_blocks
 #: Default threshold: a point deviates if |z − m| > SPIKES · s.
 SPIKES = 6.0
 #: Largest number of neighbouring points that form a spike. A larger group is a feature of the surface.
-MOST_POINTS = 4
+MOST_SPIKE_POINTS = 4
 #: Number of points from the middle of a window to its edge.
 _REACH = 2
 #: Fraction of the points that share one height if the heights are quantised (but at least as many as a window has).
@@ -86,7 +86,7 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
         # the bounding box of the group and the points next to it
         window = tuple(slice(max(part.start - 1, 0), part.stop + 1) for part in box)
         group = labels[window] == number
-        if np.count_nonzero(group) > MOST_POINTS:
+        if np.count_nonzero(group) > MOST_SPIKE_POINTS:
             continue
         if _stands_alone(group, flat[window], median[window]):
             is_spike[window] |= group

@@ -21,7 +21,7 @@ KEPT_SLOPE = 0.99
 #: Largest number of points of a grid that femseal chooses. The number is the same on all machines, so that results do
 #: not depend on the machine. A deterministic solution on such a grid takes a few GB, and 10 to 40 s of one core for
 #: each load step.
-MOST_POINTS = 2**22
+MOST_GRID_POINTS = 2**22
 
 
 def default_wave(flat: Surface, shape: Shape, instrument: Instrument) -> float:
@@ -73,8 +73,8 @@ def default_points(level: Surface, shortest_wave: float | None, instrument: Inst
 
     A wave is resolved if it is at least 8 pixels long. If waves resolved by the measured pixels account for nearly all
     of the rms slope, the grid keeps the measured pixels. Otherwise, the grid is finer and resolves the shortest
-    measured wave, see `resolving_shape`. A grid with more than `MOST_POINTS` points is only chosen if `shortest_wave`
-    requires it.
+    measured wave, see `resolving_shape`. A grid with more than `MOST_GRID_POINTS` points is only chosen if
+    `shortest_wave` requires it.
 
     Parameters
     ----------
@@ -96,10 +96,10 @@ def default_points(level: Surface, shortest_wave: float | None, instrument: Inst
         slope_on_pixels = level.rms_slope_of_long_waves(wave_of_pixels)
         slope = level.rms_slope_of_long_waves(measured)
         wave = wave_of_pixels if slope_on_pixels >= KEPT_SLOPE * slope else measured
-    if wave >= wave_of_pixels and level.heights.size <= MOST_POINTS:
+    if wave >= wave_of_pixels and level.heights.size <= MOST_GRID_POINTS:
         return level.shape
     # a finer grid or, if the map has too many pixels, a coarser grid
-    points = resolving_shape(level.size, min(wave, wave_of_pixels), most=MOST_POINTS)
+    points = resolving_shape(level.size, min(wave, wave_of_pixels), most=MOST_GRID_POINTS)
     if shortest_wave is not None and resolved_wave(level.size, points) > wave:
         # the limit of the number of points does not apply to a wave that the user has chosen
         return resolving_shape(level.size, wave)

@@ -172,7 +172,7 @@ def state_rows(same, scene, study, budget, truth):
 def calibrated(rows):
     """Yield the rows of the calibration set: contact state, leakage and true leakage."""
     for row in rows:
-        yield {name: row[name] for name in patch_interval.COLUMNS}
+        yield {name: row[name] for name in patch_interval.CALIBRATION_COLUMNS}
 
 
 def report(rows):

@@ -10,8 +10,8 @@ from small_cases import steel_scene
 import femseal as fs
 from femseal.budget.patch_errors import calibrated_part
 from femseal.studies.patch_interval import (
+    COMPUTATIONS,
     DIFFICULTY,
-    KINDS,
     LEAST_KNOWN,
     LEAST_TRUTH,
     IntervalWidths,
@@ -34,7 +34,7 @@ def state(carriers, contact, detours=0.0, open_leakage=1.0):
 # --- by the state --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", COMPUTATIONS)
 def test_the_distances_grow_with_what_one_patch_cannot_tell(kind):
     difficulty = DIFFICULTY[kind]
     for harder in (
@@ -53,7 +53,7 @@ def test_the_distances_grow_with_what_one_patch_cannot_tell(kind):
     assert_allclose(sealed, single)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", COMPUTATIONS)
 def test_an_interval_is_as_wide_whatever_the_size_of_the_leakage(kind):
     q = np.array([0.5, 0.1, 1e-2, 0.0])
     ends = interval_widths(kind).ends(q, state([50, 20, 5, np.nan], 0.2))
@@ -69,7 +69,7 @@ def test_an_interval_is_as_wide_whatever_the_size_of_the_leakage(kind):
 
 def test_no_upper_end_is_far_above_an_open_seal():
     hardest = state(1.0, 0.8, 1.0)
-    for kind in KINDS:
+    for kind in COMPUTATIONS:
         widths, most = interval_widths(kind), DIFFICULTY[kind].largest_ratio
         assert widths.ends(np.array([0.1]), hardest)[1] == most
         assert widths.ends(np.array([most]), hardest)[1] == 2 * most
@@ -159,7 +159,7 @@ def test_two_measured_patches_narrow_the_interval():
 # --- calibration ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", COMPUTATIONS)
 def test_each_end_leaves_out_as_much_of_its_calibration_as_it_may(kind):
     """Steps of a scene share its weight, and a scene that is not there is beyond all."""
     rows = [row for row in calibration_rows(kind) if row["patch"] != "both"]

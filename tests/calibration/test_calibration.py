@@ -359,7 +359,11 @@ def test_a_calibration_is_not_one_of_last_digits(case, tmp_path, monkeypatch):
         value = np.exp(-10 - load * (1 - 0.7 * x) + waves)
         return list(value * (1 + 1e-10 * rng.standard_normal(len(value))))
 
-    options = {"shortest_wave": ("8 um", "20 um"), "scenes": calibrating.FIRST, "workers": 1}
+    options = {
+        "shortest_wave": ("8 um", "20 um"),
+        "scenes": calibrating.FIRST_SIMULATIONS,
+        "workers": 1,
+    }
 
     def estimates(seed):
         monkeypatch.setattr(

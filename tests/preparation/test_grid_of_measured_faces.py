@@ -60,7 +60,7 @@ def test_condition_can_choose_the_grid_of_a_run(case, tmp_path):
 
 
 def test_a_grid_limited_for_its_cost_is_told(case, monkeypatch):
-    monkeypatch.setattr(grid_choice, "MOST_POINTS", 20_000)
+    monkeypatch.setattr(grid_choice, "MOST_GRID_POINTS", 20_000)
     prepared = prepare(case())
     lost, shortest = prepared.conditioning.lost_slope, prepared.conditioning.shortest_measured
     assert_allclose(np.prod(prepared.scene.surface.shape), 20_000, rtol=0.15)

@@ -20,7 +20,7 @@ from femseal.runs.disk_space import disk_space
 from femseal.runs.forecast import forecast
 from femseal.runs.run_description import describe
 from femseal.studies import STUDIES, StudyOptions
-from femseal.studies.sampling import FEWEST_SEALS, MOST_SEALS
+from femseal.studies.sampling import FEWEST_BY_DEFAULT, MOST_BY_DEFAULT
 
 ROOT = Path(__file__).parents[2]
 
@@ -169,10 +169,10 @@ def test_seals_as_many_as_their_scatter_asks_for_are_forecast_as_a_range(data):
     open_number = foreseen({})
     assert_allclose(
         open_number.parallel_seconds,
-        foreseen({"realisations": FEWEST_SEALS}).parallel_seconds,
+        foreseen({"realisations": FEWEST_BY_DEFAULT}).parallel_seconds,
         rtol=1e-12,
     )
-    most = foreseen({"realisations": MOST_SEALS})
+    most = foreseen({"realisations": MOST_BY_DEFAULT})
     assert_allclose(
         [open_number.most_parallel_seconds, most.most_parallel_seconds],
         most.parallel_seconds,

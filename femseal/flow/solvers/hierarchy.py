@@ -33,7 +33,7 @@ from ...base import Indices, Singles
 from ...base.compiled import REORDERED, by_rows, compiled, inner, leader
 
 #: Coarsening ends if an axis has at most this number of nodes.
-FEWEST = 4
+COARSEST_SIDE = 4
 #: Coarsening also ends if a level has at most `_ELIMINATED` times as many open nodes as the finest level, and at most
 #: `_MOST_ELIMINATED`. The elimination of these nodes takes less time than the additional iterations that coarser levels
 #: would cause, because coarser grids do not resolve dead ends and channels.
@@ -436,7 +436,7 @@ def levels_of_operator(fine, ring):
         open_nodes = np.count_nonzero(inverse)
         if not levels:
             fewest = min(_ELIMINATED * open_nodes, _MOST_ELIMINATED)
-        is_coarsest = min(n1, n2) - 2 <= FEWEST or open_nodes <= fewest
+        is_coarsest = min(n1, n2) - 2 <= COARSEST_SIDE or open_nodes <= fewest
         m1, m2 = (0, 0) if is_coarsest else coarser_shape(n1, n2)
         weights = np.zeros((m1, m2, 3, 3), np.float32)
         is_nine_point = len(levels) > 0  # only the operator of the finest level has five points

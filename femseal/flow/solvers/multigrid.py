@@ -19,7 +19,7 @@ from ...base.compiled import NO, REORDERED, YES, by_rows, compiled, inner, leade
 from ...base.errors import NotConverged
 from ..error_bound import error_bound
 from ..grid import Stencil
-from .hierarchy import FEWEST, build_levels, coarser_shape, solve_coarsest, wrap_row
+from .hierarchy import COARSEST_SIDE, build_levels, coarser_shape, solve_coarsest, wrap_row
 
 #: Largest number of nodes of the coarsest possible level for which multigrid is efficient. The coarsest level of a
 #: slender grid has more nodes.
@@ -59,7 +59,7 @@ def coarsest_nodes(n1: int, n2: int) -> int:
     The coarsest level of a slender grid has many nodes.
     """
     rows, columns = n1 + 2, n2 + 2  # with a border of one node
-    while min(rows, columns) - 2 > FEWEST:
+    while min(rows, columns) - 2 > COARSEST_SIDE:
         rows, columns = coarser_shape(rows, columns)
     return (rows - 2) * (columns - 2)
 
