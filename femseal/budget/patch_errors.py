@@ -117,7 +117,7 @@ def calibrated_part(
     Parameters
     ----------
     name : name of the error source.
-    kind : kind of the calculation, one of `patch_interval.KINDS`.
+    kind : kind of the calculation, one of `patch_interval.COMPUTATIONS`.
     leakage : array (steps,), m²/s.
     state : contact state of the patches at every step.
     patches : number of measured patches.

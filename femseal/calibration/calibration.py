@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-RESULT_FILE, TABLE_FILE, PICTURE_FILE = "calibration.json", "calibration.csv", "calibration.png"
+RESULT_FILE, CSV_FILE, PICTURE_FILE = "calibration.json", "calibration.csv", "calibration.png"
 #: A sample counts as lying at an end of a range if its distance from the end is below this fraction of the length of
 #: the range, in logarithms.
 _END_OF_RANGE = 0.03
@@ -279,7 +279,7 @@ class Calibration(Plotted):
         }
         text = json.dumps(finite_data(content), indent=1, ensure_ascii=False)
         with writing("output", target, "a folder"):
-            written = [write_text(target / TABLE_FILE, comma_separated(self.rows()))]
+            written = [write_text(target / CSV_FILE, comma_separated(self.rows()))]
             pictures = rendered_formats(calibration_figure(self), formats)
             for form in formats:
                 path = (target / PICTURE_FILE).with_suffix(f".{form}")

@@ -146,7 +146,7 @@ def test_rounds_end_early_and_within_their_tolerance(
 ):
     found = coupled(surface, load, fraction * load, boundary)
     assert found.rounds <= 10
-    monkeypatch.setattr("femseal.scene.fluid_coupling.RTOL", 1e-6)
+    monkeypatch.setattr("femseal.scene.fluid_coupling.COUPLING_RTOL", 1e-6)
     exact = coupled(surface, load, fraction * load, boundary)
     assert_allclose(found.flow.permeability, exact.flow.permeability, rtol=2e-3)
 
