@@ -30,14 +30,12 @@ from .conjugate_gradients import Directions, StepLimits, conjugate_gradients
 from .descent import Solution, descend
 from .workspace import Loops, Problem, Workspace
 
-#: Limits of the conjugate-gradient steps in an iteration that has changed the active sets, and in one that has not.
-_AFTER_CHANGE, _WITHOUT_CHANGE = StepLimits(3, 0.04), StepLimits(5, 0.04)
-#: Limits for grids with a long axis, on which contact patches may be large or far from each other. With these limits,
-#: the number of products falls from 48 to 37 for unloading on 2048² points, and from between 400 and 1,400 to 200 for a
-#: strip of 2 × 32768 points.
-_LONG_STEPS = StepLimits(64, 0.01)
+#: Limits of the conjugate-gradient steps in an iteration, for grids without and with a long axis. Along a long axis,
+#: patches may be large or far from each other. Longer iterations then save products: a strip of 2 × 32768 points takes
+#: 200 instead of 400 to 1,400, and 512² points, a third of which are in contact, take 44 instead of 49.
+_STEPS, _LONG_STEPS = StepLimits(64, 0.04), StepLimits(64, 0.01)
 #: An axis is long from this number of points on.
-_LONG = 1024
+_LONG = 512
 #: Number of iterations after which `descent`, whose steps never increase the energy, is used.
 _MONOTONE_AFTER = 60
 #: `descent` is also used when the damping is below this value. The damping is reduced whenever the energy increases.
@@ -146,11 +144,20 @@ class StraightLaw:
 
 
 class _Solver(NamedTuple):
-    """What does not change during the iteration: work arrays of the grid, compiled loops, and contact law."""
+    """What does not change during the iteration.
+
+    grid : work arrays of the grid.
+    loops : compiled loops.
+    law : contact law.
+    limits : limits of the conjugate-gradient steps.
+    shortest_step : smallest length c [Pa/m] of a projection step.
+    """
 
     grid: Workspace
     loops: Loops
     law: LawOnGrid
+    limits: StepLimits
+    shortest_step: float
 
 
 def solve_active_sets(
@@ -182,7 +189,14 @@ def solve_active_sets(
     """
     loops = grid.loops(problem)
     law = StraightLaw(loops) if tangents is None else tangents
-    solver = _Solver(grid, loops, law)
+    longest_axis = max(grid.half_space.shape)
+    solver = _Solver(
+        grid,
+        loops,
+        law,
+        limits=_LONG_STEPS if longest_axis >= _LONG else _STEPS,
+        shortest_step=grid.stiffness / (4 * longest_axis),
+    )
     sets, delta = _initial_sets(solver)
     gradients = Gradients(step=grid.stiffness)
     evaluation = Evaluation(delta, residual=inf, sets_change=True)
@@ -253,15 +267,15 @@ class Product(NamedTuple):
 
 def _multiply(solver: _Solver, reach: float) -> Product:
     """Compute v = Kp + h₁, and list the points near contact: points in contact, and points with v below `reach` [m]."""
-    grid, loops, _ = solver
+    grid, loops = solver.grid, solver.loops
     loops.respond()
     return Product(*loops.list_near(grid.compliance, 1.0, reach, 0, len(grid.points.v)))
 
 
 def _list_again(solver: _Solver, sets: ActiveSets, reach: float, margin: float) -> ActiveSets:
     """List the points near contact with another threshold `reach` [m]. The values of v are not changed."""
-    grid, loops, _ = solver
-    n_near, n_free, *_sums = loops.list_near(1.0, 0.0, reach, 0, len(grid.points.v))
+    n_rows = len(solver.grid.points.v)
+    n_near, n_free, *_sums = solver.loops.list_near(1.0, 0.0, reach, 0, n_rows)
     return sets._replace(n_near=n_near, n_free=n_free, reach=reach, margin=margin)
 
 
@@ -315,24 +329,18 @@ def _reduce_energy(
 
     The longest permissible projection step is twice the smallest Rayleigh quotient d·d/(d·Kd) of the directions.
     """
-    grid, loops, law = solver
-    longest_axis = max(grid.half_space.shape)
-    if longest_axis >= _LONG:
-        limits = _LONG_STEPS
-    else:
-        limits = _AFTER_CHANGE if evaluation.sets_change else _WITHOUT_CHANGE
-    directions = gradients.directions if law.keeps_directions else None
     result = conjugate_gradients(
-        loops, sets.n_near, sets.n_free, evaluation.delta, limits, directions
+        solver.loops,
+        sets.n_near,
+        sets.n_free,
+        evaluation.delta,
+        solver.limits,
+        gradients.directions if solver.law.keeps_directions else None,
     )
-    c0 = grid.stiffness
-    step = min(c0, sets.damping * 2.0 * result.least_stiffness)
-    return Gradients(
-        step=max(c0 / (4 * longest_axis), step),
-        directions=result.directions,
-        is_fresh=gradients.is_fresh and result.steps == 0,
-        products=result.steps,
-    )
+    longest_step = min(solver.grid.stiffness, sets.damping * 2.0 * result.least_stiffness)
+    is_fresh = gradients.is_fresh and result.steps == 0
+    step = max(solver.shortest_step, longest_step)
+    return Gradients(step, result.directions, is_fresh, result.steps)
 
 
 def _evaluate(

@@ -1,8 +1,8 @@
 """Compile the loops of conjugate gradients on the free points, with a 3 × 3 stencil as preconditioner M.
 
 `conjugate_gradients` calls `restart`, `next_direction` and `step`. Each of the three functions calls loops over the
-points `first` to `end` − 1 of a list. The groups of arrays `law`, `points`, `near`, `free` and `preconditioner` are
-described in `point_arrays`.
+points `first` to `end` − 1 of a list. The groups of arrays `law`, `points`, `near`, `free`, `lists` (`GradientLists`)
+and `preconditioner` are described in `point_arrays`.
 """
 
 import numpy as np
@@ -11,56 +11,62 @@ from .projection import fast, fast_leader, fast_loop, value_at
 
 
 @fast_leader
-def restart(law, points, near, free, preconditioner, n_free, delta):
+def restart(law, points, near, free, lists, preconditioner, n_free, delta):
     """Prepare the first search direction: compute the residual r = δ − v − a (p − H) and M1 at the free points.
 
     Returns the sum of M1 over the free points, where M1 is the preconditioner applied to a vector of ones.
     """
-    set_scale(n_free, law, points, free, preconditioner)
-    total_ones = precondition(n_free, free.ones, points, free, preconditioner)
-    total = first_residual(n_free, delta, law, near, free)
-    spread_residual(n_free, total / n_free, points, free)
+    set_scale(n_free, law, points, free, lists, preconditioner)
+    total_ones = precondition(n_free, lists.ones, lists.scale, points, free, preconditioner)
+    total = first_residual(n_free, delta, law, near, free, lists)
+    spread_residual(n_free, total / n_free, points, free, lists)
     return total_ones
 
 
 @fast_loop
-def set_scale(first, end, law, points, free, preconditioner):
+def set_scale(first, end, law, points, free, lists, preconditioner):
     """Compute the compliance a and the factor s of some free points, and store s in `dense` to prepare M1."""
-    index = free.index
-    dense = points.dense
-    state = points.state
+    index = free.index[first:end]
+    compliance = lists.hardening_compliance[first:end]
+    scale = lists.scale[first:end]
+    dense, state = points.dense, points.state
     middle_weight = preconditioner.weights[1, 1]
-    for k in range(first, end):
+    for k in range(end - first):
         i = index[k]
-        compliance = 1.0 / value_at(law.slope, i) if state[i] == 3 else 0.0
-        free.hardening_compliance[k] = compliance
-        free.scale[k] = 1.0 / np.sqrt(1.0 + compliance * middle_weight)
-        dense[i] = free.scale[k]
+        if state[i] == 3:  # yields and hardens
+            compliance[k] = 1.0 / value_at(law.slope, i)
+            scale[k] = 1.0 / np.sqrt(1.0 + compliance[k] * middle_weight)
+        else:
+            compliance[k] = 0.0
+            scale[k] = 1.0
+        dense[i] = scale[k]
 
 
 @fast_loop
-def first_residual(first, end, delta, law, near, free):
+def first_residual(first, end, delta, law, near, free, lists):
     """Compute the residuals of some free points, and return their sum."""
-    r = free.r
-    place = free.place
-    compliance = free.hardening_compliance
+    index = free.index[first:end]
+    place = free.place[first:end]
+    r = lists.r[first:end]
+    compliance = lists.hardening_compliance[first:end]
+    p, v = near.p, near.v
     total = 0.0
-    for k in range(first, end):
+    for k in range(end - first):
         j = place[k]
-        r[k] = delta - near.v[j]
+        r[k] = delta - v[j]
         if compliance[k] > 0.0:
-            r[k] -= compliance[k] * (near.p[j] - value_at(law.hardness, free.index[k]))
+            r[k] -= compliance[k] * (p[j] - value_at(law.hardness, index[k]))
         total += r[k]
     return total
 
 
 @fast_loop
-def precondition(first, end, out, points, free, preconditioner):
+def precondition(first, end, out, scale, points, free, preconditioner):
     """Compute s M x at some free points for the grid values x in `dense`, and return the sum of the results.
 
     The results are written to the list `out`.
     """
-    scale = free.scale[first:end]
+    scale = scale[first:end]
     out = out[first:end]
     apply_stencil(free.index[first:end], points.dense, out, preconditioner)
     total = 0.0
@@ -71,7 +77,7 @@ def precondition(first, end, out, points, free, preconditioner):
 
 
 @fast_leader
-def next_direction(points, free, preconditioner, n_free, previous_wr, total_ones):
+def next_direction(points, free, lists, preconditioner, n_free, previous_wr, total_ones):
     """Compute the next search direction d = w + β d with β = w·r / previous_wr, and copy d to `dense`.
 
     The preconditioned residual w is M r minus a multiple of M1, chosen such that Σ w = 0 and the steps do not change
@@ -81,19 +87,19 @@ def next_direction(points, free, preconditioner, n_free, previous_wr, total_ones
 
     Returns w·r. If w·r is not positive, no direction is computed.
     """
-    total = precondition(n_free, free.w, points, free, preconditioner)
-    wr = remove_mean(n_free, total / total_ones, free)
+    total = precondition(n_free, lists.w, lists.scale, points, free, preconditioner)
+    wr = remove_mean(n_free, total / total_ones, lists)
     if wr > 0.0:
-        set_direction(n_free, wr / previous_wr, points, free)
+        set_direction(n_free, wr / previous_wr, points, free, lists)
     return wr
 
 
 @fast_loop
-def remove_mean(first, end, factor, free):
+def remove_mean(first, end, factor, lists):
     """Subtract `factor` times M1 from w at some free points, and return the contribution of these points to w·r."""
-    r = free.r[first:end]
-    w = free.w[first:end]
-    ones = free.ones[first:end]
+    r = lists.r[first:end]
+    w = lists.w[first:end]
+    ones = lists.ones[first:end]
     wr = 0.0
     for k in range(end - first):
         w[k] -= factor * ones[k]
@@ -102,11 +108,11 @@ def remove_mean(first, end, factor, free):
 
 
 @fast_loop
-def set_direction(first, end, beta, points, free):
+def set_direction(first, end, beta, points, free, lists):
     """Compute the search direction d = w + beta d at some free points, and copy d to `dense`."""
     index = free.index[first:end]
-    w = free.w[first:end]
-    d = free.d[first:end]
+    w = lists.w[first:end]
+    d = lists.d[first:end]
     dense = points.dense
     for k in range(end - first):
         d[k] = w[k] + beta * d[k] if beta > 0.0 else w[k]
@@ -114,7 +120,7 @@ def set_direction(first, end, beta, points, free):
 
 
 @fast_leader
-def step(points, near, free, compliance, n_near, n_free, wr):
+def step(points, near, free, lists, compliance, n_near, n_free, wr):
     """Perform a step of conjugate gradients: p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
 
     compliance : factor 1/E* [1/Pa], by which `points.kd` is multiplied to obtain Kd.
@@ -123,13 +129,13 @@ def step(points, near, free, compliance, n_near, n_free, wr):
     Returns d·Kd, d·d, and whether the step was performed. The step is only taken if d·(Kd + a d) > 0.
     """
     list_response(n_near, compliance, points, near)
-    curvature, squared_length, total_curvature = curvatures(n_free, near, free)
+    curvature, squared_length, total_curvature = curvatures(n_free, near, free, lists)
     total = 0.0
     if total_curvature > 0.0:
         alpha = wr / total_curvature
-        total = advance(n_free, alpha, near, free)
+        total = advance(n_free, alpha, near, free, lists)
         advance_gap(n_near, alpha, near)
-    spread_residual(n_free, total / n_free, points, free)
+    spread_residual(n_free, total / n_free, points, free, lists)
     return curvature, squared_length, total_curvature > 0.0
 
 
@@ -145,22 +151,26 @@ def list_response(first, end, compliance, points, near):
     values = points.kd.ravel()
     columns = points.dense.size // points.kd.shape[0]
     unused = points.kd.shape[1] - columns  # unused values at the end of each row of `kd`
+    if unused == 0:
+        for j in range(end - first):
+            out[j] = compliance * values[index[j]]
+        return
     skipped = 0  # number of unused values in the rows before the row of the point
     next_row = columns  # grid index of the first point in the next row
     for j in range(end - first):
         i = index[j]
-        while unused > 0 and i >= next_row:
+        while i >= next_row:
             skipped += unused
             next_row += columns
         out[j] = compliance * values[i + skipped]
 
 
 @fast_loop
-def curvatures(first, end, near, free):
+def curvatures(first, end, near, free, lists):
     """Compute the contributions of some free points to the sums d·Kd, d·d and d·(Kd + a d)."""
     place = free.place[first:end]
-    d = free.d[first:end]
-    compliance = free.hardening_compliance[first:end]
+    d = lists.d[first:end]
+    compliance = lists.hardening_compliance[first:end]
     response = near.response
     curvature = 0.0
     squared_length = 0.0
@@ -173,12 +183,12 @@ def curvatures(first, end, near, free):
 
 
 @fast_loop
-def advance(first, end, alpha, near, free):
+def advance(first, end, alpha, near, free, lists):
     """Update the pressures and residuals of some free points: p += α d, r −= α (Kd + a d); return the sum of r."""
     place = free.place[first:end]
-    r = free.r[first:end]
-    d = free.d[first:end]
-    compliance = free.hardening_compliance[first:end]
+    r = lists.r[first:end]
+    d = lists.d[first:end]
+    compliance = lists.hardening_compliance[first:end]
     response = near.response
     p = near.p
     total = 0.0
@@ -200,14 +210,14 @@ def advance_gap(first, end, alpha, near):
 
 
 @fast_loop
-def spread_residual(first, end, mean, points, free):
+def spread_residual(first, end, mean, points, free, lists):
     """Subtract the mean residual from the residuals r of some free points, and write s r to `dense`.
 
     After the first conjugate-gradient step, the mean residual differs from 0 only by rounding errors.
     """
     index = free.index[first:end]
-    r = free.r[first:end]
-    scale = free.scale[first:end]
+    r = lists.r[first:end]
+    scale = lists.scale[first:end]
     dense = points.dense
     for k in range(end - first):
         r[k] -= mean
@@ -218,29 +228,62 @@ def spread_residual(first, end, mean, points, free):
 def apply_stencil(index, dense, out, preconditioner):
     """Apply the 3 × 3 stencil to the grid values `dense` at the listed points, and write the results to `out`.
 
-    index : grid index of each listed point in the array `dense` (n1 n2,), which contains the grid row by row.
+    Points that follow each other in the interior of a row are processed together by `apply_to_run`. At the border, the
+    neighbours of a point are found by the maps `rows` and `columns` of the preconditioner.
+
+    index : grid index of each listed point in the array `dense` (n1 n2,), which contains the grid row by row; in
+        increasing order.
     """
     weights = preconditioner.weights
     rows = preconditioner.rows
     columns = preconditioner.columns
     n1 = rows.size - 2  # `rows` and `columns` have an additional entry at both ends
     n2 = columns.size - 2
-    for k in range(index.size):
+    k = 0
+    while k < index.size:
         point = index[k]
         i = point // n2  # row and column of the point
         j = point - i * n2
-        total = 0.0
-        # all neighbours of a point in the interior are grid points
         if 1 <= i < n1 - 1 and 1 <= j < n2 - 1:
-            for a in range(3):
-                for b in range(3):
-                    total += weights[a, b] * dense[point + (a - 1) * n2 + b - 1]
-        else:
-            for a in range(3):
-                for b in range(3):
-                    # entry i + a of `rows` is the grid row that corresponds to the row number i + a − 1
-                    row = rows[i + a]
-                    column = columns[j + b]
-                    if row >= 0 and column >= 0:  # −1 is beyond the end of a free axis
-                        total += weights[a, b] * dense[row * n2 + column]
+            most = min(index.size - k, n2 - 1 - j)
+            length = 1
+            while length < most and index[k + length] == point + length:
+                length += 1
+            apply_to_run(point, n2, dense, weights, out[k : k + length])
+            k += length
+            continue
+        total = 0.0
+        for a in range(3):
+            for b in range(3):
+                # entry i + a of `rows` is the grid row that corresponds to the row number i + a − 1
+                row = rows[i + a]
+                column = columns[j + b]
+                if row >= 0 and column >= 0:  # −1 is beyond the end of a free axis
+                    total += weights[a, b] * dense[row * n2 + column]
         out[k] = total
+        k += 1
+
+
+@fast
+def apply_to_run(point, n2, dense, weights, out):
+    """Apply the 3 × 3 stencil at `out.size` points that follow each other in the interior of a row.
+
+    The weights are symmetric about both axes. The sums of neighbours with the same weight are in single precision, as
+    the values in `dense` are.
+
+    point : grid index of the first point.
+    n2 : number of points of a row.
+    """
+    corner, above_or_below = weights[0, 0], weights[0, 1]
+    beside, middle = weights[1, 0], weights[1, 1]
+    n = out.size
+    above = dense[point - n2 - 1 : point - n2 + n + 1]
+    row = dense[point - 1 : point + n + 1]
+    below = dense[point + n2 - 1 : point + n2 + n + 1]
+    for k in range(n):
+        out[k] = (
+            corner * (above[k] + above[k + 2] + below[k] + below[k + 2])
+            + above_or_below * (above[k + 1] + below[k + 1])
+            + beside * (row[k] + row[k + 2])
+            + middle * row[k + 1]
+        )

@@ -61,15 +61,22 @@ class FreePoints(NamedTuple):
 
     index : index of the point on the grid.
     place : position of the point in the lists of `NearPoints`.
-    r, w, d : residual, preconditioned residual and search direction of the conjugate gradients.
+    """
+
+    index: Any
+    place: Any
+
+
+class GradientLists(NamedTuple):
+    """Values of the conjugate gradients at the free points, in the order of `FreePoints`.
+
+    r, w, d : residual, preconditioned residual and search direction.
     ones : M1, the preconditioner applied to a vector of ones.
     hardening_compliance : compliance a = 1/h [m/Pa] of a point that yields and hardens, and 0 for an elastic point.
     scale : factor s = 1/√(1 + a m), where m is the middle weight of the stencil M. With hardening, the preconditioner
         is s M s; the factor s accounts for the compliance a.
     """
 
-    index: Any
-    place: Any
     r: Any
     w: Any
     d: Any

@@ -66,13 +66,17 @@ def list_near(gap0, offset, law, points, near, free, factor, weight, reach, firs
     load = 0.0
     total = 0.0
     columns = points.p.size // points.v.shape[0]  # rows of v may be longer
+    # reading the members of a group within a loop takes time
+    all_p, all_v, all_states = points.p, points.v, points.state
+    near_index, near_p, near_v = near.index, near.p, near.v
+    free_index, free_place = free.index, free.place
     n_near = 0
     n_free = 0
     for row in range(first, end):
         start = row * columns
-        v = points.v[row, :columns]
-        p = points.p[start : start + columns]
-        state = points.state[start : start + columns]
+        v = all_v[row, :columns]
+        p = all_p[start : start + columns]
+        state = all_states[start : start + columns]
         heights = gap0[start : start + columns]
         for j in range(columns):
             h = heights[j] - offset
@@ -83,16 +87,16 @@ def list_near(gap0, offset, law, points, near, free, factor, weight, reach, firs
                 load += p[j]
                 total += vj
                 i = start + j
-                near.index[n_near] = i
-                near.p[n_near] = p[j]
-                near.v[n_near] = vj
+                near_index[n_near] = i
+                near_p[n_near] = p[j]
+                near_v[n_near] = vj
                 if state[j] == 3:
                     # the point yields and hardens: its energy contains the term ψ = ½ (p − H)²/h
                     above_hardness = p[j] - value_at(law.hardness, i)
                     energy += 0.5 * above_hardness * above_hardness / value_at(law.slope, i)
                 if state[j] & 1:  # odd states are free: 1 is elastic, 3 hardens
-                    free.index[n_free] = i
-                    free.place[n_free] = n_near
+                    free_index[n_free] = i
+                    free_place[n_free] = n_near
                     n_free += 1
                 n_near += 1
     return n_near, n_free, energy, load, total
@@ -104,7 +108,7 @@ def _empty_lists(size: int) -> tuple[NearPoints, FreePoints]:
     p, v = np.empty((2, size))
     near = NearPoints(np.empty(size, np.int32), p, v, trial=unused, response=unused)
     index, place = np.empty((2, size), np.int32)
-    return near, FreePoints(index, place, *[unused] * 6)
+    return near, FreePoints(index, place)
 
 
 def list_near_in_parts(
@@ -442,14 +446,18 @@ def set_pressures(first, end, c, delta, keep, law, points, near):
     index = near.index[first:end]
     x = near.trial[first:end]
     previous_p = near.p[first:end]
+    p, state = points.p, points.state
     carried = 0.0
     n_free = 0
+    is_uniform = law.hardness.size == 1 and law.slope.size == 1  # the law is the same at all points
+    H, t = law_at(0, law, c)
     for j in range(end - first):
         i = index[j]
-        H, t = law_at(i, law, c)
+        if not is_uniform:
+            H, t = law_at(i, law, c)
         y, new_state = projected(x[j] + c * delta, H, t)
         if new_state & 1:  # odd states are free: 1 is elastic, 3 hardens
-            if keep and points.state[i] == new_state:
+            if keep and state[i] == new_state:
                 # the previous pressure, within the bounds of the state: 0 to H if it is elastic, at least H otherwise
                 if new_state == 1:
                     y = min(max(previous_p[j], 0.0), H)
@@ -459,8 +467,8 @@ def set_pressures(first, end, c, delta, keep, law, points, near):
         else:
             carried += y
         x[j] = y  # from now on, `near.trial` holds the projected pressures
-        points.p[i] = y
-        points.state[i] = new_state
+        p[i] = y
+        state[i] = new_state
     return n_free, carried
 
 
@@ -470,23 +478,31 @@ def list_free(n_near, points, near, free):
 
     The pressures are copied from `near.trial`, where `set_pressures` has stored them.
     """
+    index, projected_p, pressure = near.index, near.trial, near.response
+    free_index, state = free.index, points.state
     k = 0
     for j in range(n_near):
-        i = near.index[j]
-        if points.state[i] & 1:
-            free.index[k] = i
-            near.response[k] = near.trial[j]
+        i = index[j]
+        if state[i] & 1:
+            free_index[k] = i
+            pressure[k] = projected_p[j]
             k += 1
 
 
 @exact_loop
 def shift(first, end, c, uniform, law, points, near, free):
     """Add the same pressure to some free points, and limit the new pressures to their bounds."""
-    for k in range(first, end):
-        i = free.index[k]
-        H, t = law_at(i, law, c)
-        y = max(near.response[k] + uniform, 0.0)
-        points.p[i] = min(y, H) if t == 0.0 else y  # a point that hardens has no upper bound
+    index = free.index[first:end]
+    pressure = near.response[first:end]
+    p = points.p
+    is_uniform = law.hardness.size == 1 and law.slope.size == 1  # the law is the same at all points
+    H, t = law_at(0, law, c)
+    for k in range(end - first):
+        i = index[k]
+        if not is_uniform:
+            H, t = law_at(i, law, c)
+        y = max(pressure[k] + uniform, 0.0)
+        p[i] = min(y, H) if t == 0.0 else y  # a point that hardens has no upper bound
 
 
 @exact
@@ -499,17 +515,25 @@ def gap_and_deformation(first, end, p, v, delta, c, law, gap, deformation, plast
     u = −g. The rounding error of u is small for any hardening modulus s. If s is much larger than c, the term p − H
     determines u. If s is much smaller than c, the term −c g determines u.
     """
+    hardness, slope = law.hardness, law.slope
     columns = p.size // v.shape[0]
     for row in range(first, end):
-        for j in range(columns):
-            i = row * columns + j
+        start = row * columns
+        n_plastic = 0
+        for j in range(columns):  # this loop compiles to vector instructions
+            i = start + j
             g = v[row, j] - delta
-            H = value_at(law.hardness, i)
-            gap[i] = 0.0 if p[i] > 0.0 or g < 0.0 else g
-            plastic[i] = p[i] >= H
+            gap[i] = 0.0 if (p[i] > 0.0) | (g < 0.0) else g
+            plastic[i] = p[i] >= value_at(hardness, i)
             deformation[i] = 0.0
+            n_plastic += plastic[i]
+        if n_plastic == 0:
+            continue
+        for j in range(columns):
+            i = start + j
             if plastic[i]:
-                s = value_at(law.slope, i)
-                u = -g if s == 0.0 else (p[i] - H - c * g) / (s + c)
+                g = v[row, j] - delta
+                s = value_at(slope, i)
+                u = -g if s == 0.0 else (p[i] - value_at(hardness, i) - c * g) / (s + c)
                 if u > 0.0:
                     deformation[i] = u

@@ -7,7 +7,9 @@ from ..base.compiled import compiled
 contracted = compiled(fastmath={"contract"})
 
 
-@contracted
+@compiled(
+    fastmath={"contract", "nnan", "nsz"}
+)  # the imaginary parts of the weights, 0, are left out
 def multiply(block, weights):
     """Multiply the waves in a block (columns, waves) by their weights (columns, waves)."""
     for j in range(block.shape[0]):

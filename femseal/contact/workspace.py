@@ -11,12 +11,19 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..base import Array, Indices, Shape
+from ..base import Array, Indices
 from ..base.compiled import entry_point, thread_count
 from . import gradient_steps, projection
 from .convolution import Convolution
 from .half_space import HalfSpace, stiffness_stencil
-from .point_arrays import FreePoints, GridPoints, LinearLaw, NearPoints, Preconditioner
+from .point_arrays import (
+    FreePoints,
+    GradientLists,
+    GridPoints,
+    LinearLaw,
+    NearPoints,
+    Preconditioner,
+)
 
 Call = Callable[..., Any]
 #: Largest number of points of a grid whose arrays, 100 bytes per point, are kept for the next problem on this grid.
@@ -89,8 +96,9 @@ class WorkArrays:
         Computes the displacement due to a pressure, in double precision.
     search : Convolution
         Computes the displacement due to a search direction, in single precision.
-    points, near, free : GridPoints, NearPoints, FreePoints
-        Values of all points of the grid, and lists of the points near contact and of the free points.
+    points, near, free, gradients : GridPoints, NearPoints, FreePoints, GradientLists
+        Values of all points of the grid, lists of the points near contact and of the free points, and values of the
+        conjugate gradients at the free points.
     stencil, rows, columns : array
         Preconditioner for a half-space of unit modulus, see `Preconditioner`.
     """
@@ -120,7 +128,8 @@ class WorkArrays:
         # the operating system provides memory only for the part of a list that is used
         near_index, free_index, place = np.empty((3, n), np.int32)
         self.near = NearPoints(near_index, *np.empty((4, n)))
-        self.free = FreePoints(free_index, place, *np.empty((6, n)))
+        self.free = FreePoints(free_index, place)
+        self.gradients = GradientLists(*np.empty((6, n)))
         self.stencil = stiffness_stencil(unit)
         self.rows = _index_map(unit.shape[0], unit.boundary[0])
         self.columns = _index_map(unit.shape[1], unit.boundary[1])
@@ -190,9 +199,11 @@ class Workspace:
         limit : array (1,) or (n1, n2), largest pressure [Pa].
         """
         if pressure.shape != self.pressure.shape:
-            pressure = refined(pressure, self.pressure.shape)
+            refine(pressure, self.pressure)
+            pressure = self.pressure
         np.minimum(pressure, limit, out=self.pressure)
-        self.points.state[:] = self.points.p > 0  # 1 (elastic) or 0 (out of contact)
+        # 1 (elastic) or 0 (out of contact)
+        np.greater(self.points.p, 0.0, out=self.points.state.view(bool))
         self.points.dense[:] = 0
 
     def displacement(self) -> Array:
@@ -217,7 +228,7 @@ class Workspace:
         """Return the compiled loops, to which the arrays of this grid and the data of a problem are already passed."""
         arrays = self.arrays
         law = problem.law
-        points, near, free = self.points, self.near, self.free
+        points, near, free, lists = self.points, self.near, self.free, arrays.gradients
         is_divided = self.pressure.size > projection.PART
         loops = _IN_PARTS if is_divided else _UNDIVIDED
 
@@ -234,9 +245,9 @@ class Workspace:
             list_near=bind("list_near", problem.gap0, problem.offset, law, points, near, free),
             evaluate=bind("evaluate", law, points, near, problem.load),
             project=bind("project", law, points, near, free, problem.load),
-            restart=bind("restart", law, points, near, free, self.preconditioner),
-            next_direction=bind("next_direction", points, free, self.preconditioner),
-            step=bind("step", points, near, free, self.compliance),
+            restart=bind("restart", law, points, near, free, lists, self.preconditioner),
+            next_direction=bind("next_direction", points, free, lists, self.preconditioner),
+            step=bind("step", points, near, free, lists, self.compliance),
         )
 
 
@@ -295,10 +306,14 @@ def coarsened(values: Array) -> Array:
     if n2 % 2:
         values = np.concatenate((values, values[:, -1:]), axis=1)
     pairs_of_rows = values[::2] + values[1::2]
-    return 0.25 * (pairs_of_rows[:, ::2] + pairs_of_rows[:, 1::2])
+    totals: Array = pairs_of_rows[:, ::2] + pairs_of_rows[:, 1::2]
+    totals *= 0.25
+    return totals
 
 
-def refined(values: Array, shape: Shape) -> Array:
-    """Copy each value to 2 × 2 points of the next finer grid, which has the given shape."""
-    n1, n2 = shape
-    return np.repeat(np.repeat(values, 2, axis=0), 2, axis=1)[:n1, :n2]
+def refine(values: Array, finer: Array) -> None:
+    """Copy each value of a grid to 2 × 2 points of the next finer grid, at the ends of its axes to fewer points."""
+    n1, n2 = finer.shape
+    finer[::2, ::2] = values
+    finer[::2, 1::2] = values[:, : n2 // 2]
+    finer[1::2] = finer[: n1 - 1 : 2]
