@@ -14,6 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache, wraps
+from inspect import signature
 from typing import Any
 
 import numpy as np
@@ -27,9 +28,9 @@ _threads = ContextVar("threads", default=1)
 _POINTS = 2**17
 #: Approximate number of items in each part of a list. A loop over so many items takes a few tenths of a millisecond.
 _ITEMS = 2**16
-#: Typed constants for calls of compiled functions. In Numba, a literal 0, 1, False or True has a separate type, so that
-#: a call with a literal would compile the function once more.
-ZERO, ONE, NO, YES = np.int64(0), np.int64(1), np.bool_(False), np.bool_(True)
+#: Typed constants for calls of compiled functions. In Numba, a literal False or True has a separate type, so that a
+#: call with a literal would compile the function once more.
+NO, YES = np.bool_(False), np.bool_(True)
 
 
 def thread_count() -> int:
@@ -174,7 +175,6 @@ def by_rows(**options: Any) -> Callable[[Any], Any]:
     """
 
     def decorate(function: Any) -> Any:
-        # three functions: the compiled loop, its call from Python, and its call from compiled code
         loop = compiled(**options)(function)
 
         @wraps(function)
@@ -184,14 +184,9 @@ def by_rows(**options: Any) -> Callable[[Any], Any]:
             inner_rows = [(first + 1, end + 1) for first, end in rows(n1 - 2, n2)]
             over(inner_rows, loop, field, *arguments)
 
-        # when Numba compiles a call of `run_on_threads`, it compiles a call of `run_once` instead
-        @overload(run_on_threads)
-        def _run_in_compiled_code(field: Any, *arguments: Any) -> Callable[..., None]:
-            def run_once(field: Any, *arguments: Any) -> None:
-                loop(ONE, field.shape[0] - 1, field, *arguments)
-
-            return run_once
-
+        field, *others = _loop_arguments(function)
+        call = f"run_once({', '.join([field, *others])})"
+        _compile_calls(run_on_threads, function, call, f"1, {field}.shape[0] - 1", options)
         return run_on_threads
 
     return decorate
@@ -214,24 +209,50 @@ def by_items(merged: Callable[[list[Any]], Any], **options: Any) -> Callable[[An
     """
 
     def decorate(function: Any) -> Any:
-        # three functions: the compiled loop, its call from Python, and its call from compiled code
         loop = compiled(**options)(function)
 
         @wraps(function)
         def run_on_threads(n: int, *arguments: Any) -> Any:
             return merged(over(parts(n, _ITEMS), loop, *arguments))
 
-        # when Numba compiles a call of `run_on_threads`, it compiles a call of `run_once` instead
-        @overload(run_on_threads, jit_options=options)  # type: ignore[arg-type]
-        def _run_in_compiled_code(n: int, *arguments: Any) -> Callable[..., Any]:
-            def run_once(n: int, *arguments: Any) -> Any:
-                return loop(ZERO, n, *arguments)
-
-            return run_once
-
+        call = f"run_once({', '.join(['n', *_loop_arguments(function)])})"
+        _compile_calls(run_on_threads, function, call, "0, n", options)
         return run_on_threads
 
     return decorate
+
+
+def _loop_arguments(loop: Any) -> list[str]:
+    """Return the names of the arguments of a loop, without the range of its items."""
+    return list(signature(loop).parameters)[2:]
+
+
+def _compile_calls(
+    function: Any, loop: Any, call: str, items: str, options: dict[str, Any]
+) -> None:
+    """When Numba compiles a call of `function`, let it compile the loop for all items instead.
+
+    The source of the substitute is made here, as by `collections.namedtuple`, because it must list each argument by
+    name: Numba inlines a function only if its arguments are not passed as `*arguments`. If the loop were not inlined,
+    it would be compiled and optimised twice: for itself, and as a part of the substitute.
+
+    Parameters
+    ----------
+    function : callable
+        Function that divides the items between the threads.
+    loop : callable
+        The loop, with the signature `loop(first, end, *arguments)`.
+    call : str
+        Call of the substitute `run_once`, as a function of the arguments of `function`.
+    items : str
+        Range of all items, as a function of the same arguments.
+    options : dict
+        Further options of Numba.
+    """
+    source = f"def {call}:\n    return loop({items}, {', '.join(_loop_arguments(loop))})"
+    names = {"__name__": loop.__module__, "loop": njit(inline="always")(loop)}
+    exec(source, names)
+    overload(function, strict=False, jit_options=options)(lambda *_: names["run_once"])
 
 
 def summed(values: list[Any]) -> Any:

@@ -118,7 +118,8 @@ def copy_back(staged, points, order1, order2, first, end):
     """
     staged_row = np.empty(order2.size, staged.dtype)
     for i in range(first, end):
-        staged_row[:] = staged[i, : order2.size]
+        for j in range(order2.size):
+            staged_row[j] = staged[i, j]
         row = points[order1[i]]
         for j in range(order2.size):
             row[order2[j]] = staged_row[j]

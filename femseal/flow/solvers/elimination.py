@@ -273,7 +273,7 @@ def _eliminate_fronts(first, parent, later, conductance):
                     q += 1
             children += 1
         border_positions = listed[:q].copy()
-        border_positions.sort()
+        _sort(border_positions)
         for k in range(q):
             column[border_positions[k]] = p + k
         # add up the links of the nodes themselves and the fill-in of the children
@@ -310,6 +310,22 @@ def _eliminate_fronts(first, parent, later, conductance):
     return between_ends, *_potentials(first, rows, borders, inverse)
 
 
+@inner()
+def _sort(values):
+    """Sort positions by insertion.
+
+    The positions come from few sorted lists, and the elimination of a front takes longer than this sorting. The sort
+    function of NumPy would take several times as long to compile.
+    """
+    for k in range(1, values.size):
+        value = values[k]
+        i = k
+        while i > 0 and values[i - 1] > value:
+            values[i] = values[i - 1]
+            i -= 1
+        values[i] = value
+
+
 @inner(**_fast)
 def _eliminate_front(front, fill_in, inverse):
     """Eliminate the nodes of a front, and add the new links between nodes of the border to `fill_in`.
@@ -336,8 +352,16 @@ def _eliminate_front(front, fill_in, inverse):
     # Then the new links within the border, whose nodes have the indices p + j and p + k in `front`. The matrix of the
     # new links is BᵀDB, with D = diag(inverse) and the links B from the front to the border.
     if p * q * q > _BLAS:
-        to_border = front[:, p:].copy()
-        fill_in += np.dot((to_border * inverse.reshape(p, 1)).T, to_border)
+        to_border = np.empty((p, q))
+        scaled = np.empty((p, q))
+        for i in range(p):
+            for j in range(q):
+                to_border[i, j] = front[i, p + j]
+                scaled[i, j] = inverse[i] * front[i, p + j]
+        product = np.dot(scaled.T, to_border)
+        for i in range(q):
+            for j in range(q):
+                fill_in[i, j] += product[i, j]
         return
     # two nodes, i and i2, at a time, which is faster; if p is odd, the last node is alone, with inverse2 = 0
     for i in range(0, p, 2):

@@ -1,0 +1,75 @@
+"""Compiled loops give the same results from Python and from compiled code, and compiled code contains them once."""
+
+import numpy as np
+import pytest
+from numba import njit
+from numba.core import event
+
+from femseal.base import compiled
+
+
+def _square_sum(first, end, values, squares):
+    total = 0.0
+    for i in range(first, end):
+        squares[i] = values[i] ** 2
+        total += squares[i]
+    return total
+
+
+def _add_neighbours(first, end, field, sums):
+    for i in range(first, end):
+        for j in range(field.shape[1]):
+            sums[i, j] = field[i - 1, j] + field[i, j] + field[i + 1, j]
+
+
+@pytest.fixture
+def without_cache(monkeypatch):
+    """Let each test compile its loops, so that the compilations can be counted."""
+    monkeypatch.setitem(compiled._OPTIONS, "cache", False)
+
+
+def _compiled_functions(call, *arguments):
+    """Return the result of a call, and the names of all functions that Numba compiled in this call."""
+    with event.install_recorder("numba:compile") as recorder:
+        result = call(*arguments)
+    starts = [e for _, e in recorder.buffer if e.is_start]
+    return result, [e.data["dispatcher"].py_func.__name__ for e in starts]
+
+
+def test_compiled_code_contains_a_loop_over_items_once(without_cache):
+    square_sum = compiled.by_items(compiled.summed)(_square_sum)
+
+    @njit
+    def algorithm(values, squares):
+        return square_sum(values.size, values, squares)
+
+    values = np.arange(5.0)
+    squares = np.zeros(5)
+    total, functions = _compiled_functions(algorithm, values, squares)
+    assert total == square_sum(5, values, np.zeros(5)) == 30.0
+    np.testing.assert_array_equal(squares, values**2)
+    # the loop is not compiled for itself
+    assert functions.count("_square_sum") == 0
+    assert functions.count("run_once") == 1
+
+
+def test_compiled_code_contains_a_loop_over_rows_once(without_cache):
+    add_neighbours = compiled.by_rows()(_add_neighbours)
+
+    @njit
+    def algorithm(field, sums):
+        add_neighbours(field, sums)
+
+    field = np.arange(12.0).reshape(4, 3)
+    from_compiled = np.zeros((4, 3))
+    from_python = np.zeros((4, 3))
+    _, functions = _compiled_functions(algorithm, field, from_compiled)
+    add_neighbours(field, from_python)
+    expected = np.zeros((4, 3))
+    expected[1:-1] = (
+        field[:-2] + field[1:-1] + field[2:]
+    )  # the first and the last row are the border
+    np.testing.assert_array_equal(from_compiled, expected)
+    np.testing.assert_array_equal(from_python, expected)
+    assert functions.count("_add_neighbours") == 0
+    assert functions.count("run_once") == 1
