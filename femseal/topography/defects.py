@@ -74,7 +74,9 @@ def find_spikes(heights: NDArray, threshold: float = SPIKES) -> Flags:
     np.subtract(heights, flat, out=flat)
     # m, and the median absolute deviation MAD, both (n1, n2)
     median, absolute_deviation = _window_medians(flat)
-    least_scale = max(least_scale, 1.4826 * float(np.nanmedian(absolute_deviation)))
+    defined = absolute_deviation[~np.isnan(absolute_deviation)]
+    least_scale = max(least_scale, 1.4826 * float(np.median(defined, overwrite_input=True)))
+    del defined
     deviates = np.empty(heights.shape, dtype=bool)
     for block in row_blocks(heights.shape):
         # s = 1.4826 MAD in each window

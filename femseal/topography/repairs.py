@@ -8,6 +8,7 @@ or deepest points of the surface, contact and leakage depend on whether the spik
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import inf
 
@@ -121,23 +122,31 @@ def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float
     """
     if not removed.any():
         return 0.0
-    before = _extreme_points(flat.low_pass(wavelength).heights)
-    with_spikes = flat.with_heights(flat.heights + removed).low_pass(wavelength).heights
+    # eight points in a byte, to save memory
+    before = [
+        np.packbits(is_extreme) for is_extreme in _extreme_points(flat.low_pass(wavelength).heights)
+    ]
+    heights = flat.heights + removed
+    heights.flags.writeable = False  # a map copies an array only if it is writeable
+    with_spikes = flat.with_heights(heights).low_pass(wavelength).heights
+    del heights
     exchanged = []
-    for is_extreme, was_extreme in zip(_extreme_points(with_spikes), before, strict=True):
+    for is_extreme, packed in zip(_extreme_points(with_spikes), before, strict=True):
+        was_extreme = (
+            np.unpackbits(packed, count=is_extreme.size).view(bool).reshape(is_extreme.shape)
+        )
         new_points = int(np.count_nonzero(is_extreme & ~was_extreme))
         exchanged.append(new_points / max(int(np.count_nonzero(is_extreme)), 1))
     return max(exchanged)
 
 
-def _extreme_points(heights: NDArray) -> list[Flags]:
+def _extreme_points(heights: NDArray) -> Iterator[Flags]:
     """Mark the highest and the lowest points of a map, for each fraction in `_EXTREMES`.
 
-    Returns two boolean maps (n1, n2) for each fraction: the first is True at the highest points, the second at the
+    Yields two boolean maps (n1, n2) for each fraction: the first is True at the highest points, the second at the
     lowest points.
     """
-    extreme = []
     for fraction in _EXTREMES:
         low, high = np.quantile(heights, (fraction, 1 - fraction))
-        extreme += [heights > high, heights < low]
-    return extreme
+        yield heights > high
+        yield heights < low

@@ -116,10 +116,13 @@ def truncate(z: NDArray, spacing: Pair, periodic: Periodic, limit: float) -> NDA
     for row, waves in enumerate(coefficients):  # one row at a time, to save memory
         is_short = q1[row] ** 2 + q2[0, :columns] ** 2 > (limit * (1 + SLACK)) ** 2
         waves[is_short] = 0
+    if len(wrapped) == 2:
+        # one axis at a time, because an inverse transform along both axes at once would copy the coefficients
+        coefficients = scipy.fft.ifft(coefficients, axis=0, norm="ortho", overwrite_x=True)
     if wrapped:
-        points = [z.shape[axis] for axis in wrapped]
-        coefficients = scipy.fft.irfftn(
-            coefficients, points, axes=wrapped, norm="ortho", overwrite_x=True
+        axis = wrapped[-1]
+        coefficients = scipy.fft.irfft(
+            coefficients, z.shape[axis], axis=axis, norm="ortho", overwrite_x=True
         )
     if mirrored:
         coefficients = scipy.fft.idctn(coefficients, axes=mirrored, norm="ortho", overwrite_x=True)
