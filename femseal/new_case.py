@@ -141,7 +141,7 @@ def new(
 
         text = case_template(Case)
     else:
-        from .preparation.survey import case_of_face
+        from .preparation.case_of_face import case_of_face
 
         text = case_of_face(face, path.absolute().parent, spacing=spacing, height_unit=height_unit)
     with writing("path", path):

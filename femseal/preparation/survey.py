@@ -1,9 +1,8 @@
-"""Survey a measured surface before a run: describe, repair and filter the surface, and write a first case.
+"""Survey a measured surface before a run: describe, repair and filter the surface.
 
 For a surface that a run would reject, the survey states the reason and describes the measured heights.
 """
 
-import os
 from dataclasses import dataclass, replace
 from math import degrees, isnan, pi
 from pathlib import Path
@@ -11,16 +10,12 @@ from textwrap import indent
 from typing import Any
 
 from ..base import InputError, as_text, to_si, to_text, validate, write_bytes, writing
-from ..case.case import Case
-from ..case.faces import SurfaceTable
-from ..case.template import as_toml, table_to_paste
 from ..checks import FormEffect, estimate_surface, solve_form_effect
 from ..contact.law import PerfectlyPlastic
 from ..plots import rendered, survey_figure
 from ..topography import (
     Conditioning,
     Instrument,
-    Look,
     Representative,
     Surface,
     SurfaceReport,
@@ -52,32 +47,15 @@ SURFACE_OPTIONS = {
     "resolution": "--resolution",
 }
 #: Directions of the lines of a text file, which differ from the axes of a NumPy array.
-_ORIENTATION = "a line of the text runs along x1, the leakage; transpose makes it run along x2, as rows of NumPy do"
+ORIENTATION = "a line of the text runs along x1, the leakage; transpose makes it run along x2, as rows of NumPy do"
 _PICTURES = (".png", ".pdf", ".svg")
 #: Options whose value is a length or several lengths.
 _LENGTHS = {"size", "spacing", "crop", "tip_radius", "resolution", "shortest_wave"}
-#: Questions that no file of heights answers, by the table of the case that contains the answer.
-_OPEN_QUESTIONS = {
-    "material": "how strong is the softer face as it was machined? The other one: [counter_material], rigid without",
-    "load": "which contact pressures in assembly, and down to which in service? Or forces: 10 kN, 200 N/mm",
-    "fluid": "which fluid, between which pressures?",
-}
 #: Nominal pressures at which a surface is checked before its load is known, as fractions of the hardness.
 _PRESSURES = (0.02, 0.15)
 #: Hardness that is assumed before the material is known, as a fraction of E* times the rms slope.
 _HARDNESS = 0.15
 _LOADS = "0.02 to 0.15 of a hardness of 0.15 E* times its slope"
-#: Fields of the description of a surface that are repeated in its case file.
-_SHOWN_FIELDS = (
-    "shape",
-    "spacing",
-    "undefined_fraction",
-    "spike_points",
-    "rms_height",
-    "rms_slope",
-    "lay_direction",
-    "shortest_wave",
-)
 
 
 @dataclass(frozen=True)
@@ -160,8 +138,8 @@ def survey(
     ):
         expected = f"a file {', '.join(_PICTURES)} in a folder that exists"
         raise InputError("output", f"'{picture}'", expected)
-    reading = _in_metres(**reading)
-    wave = _in_metres(shortest_wave=shortest_wave)["shortest_wave"]
+    reading = in_metres(**reading)
+    wave = in_metres(shortest_wave=shortest_wave)["shortest_wave"]
     treatment = {"detrend": detrend, "spikes": spikes, "max_undefined": max_undefined}
     with errors_with_keys(SURFACE_OPTIONS):
         validate.number("max_undefined", max_undefined, inclusive=True)
@@ -178,7 +156,7 @@ def survey(
         )
     texts += file_content.notes
     if is_text(path) and not file_content.has_coordinates:
-        texts.append(_ORIENTATION)
+        texts.append(ORIENTATION)
     lines = [str(path), *_indented(surveyed.report)]
     if surveyed.conditioning is not None:
         texts += advice(surveyed.report, surveyed.conditioning)
@@ -199,7 +177,7 @@ def survey(
     return lines
 
 
-def _in_metres(**options: Any) -> dict[str, Any]:
+def in_metres(**options: Any) -> dict[str, Any]:
     """Convert the options that are lengths from texts with a unit to m; return all other options unchanged."""
     converted = dict(options)
     for name in _LENGTHS & options.keys():
@@ -315,94 +293,3 @@ def advice(
             f"the lay runs {angle:.0f}° off x2, nearer to x1: transpose exchanges the axes"
         )
     return texts
-
-
-def case_of_face(
-    path: Path,
-    folder: Path,
-    *,
-    spacing: tuple[str, str] | None = None,
-    height_unit: str | None = None,
-) -> str:
-    """Write a first case file for a measured surface, and return it as text.
-
-    Material, load and fluid of the case are examples from the template, which the user has to replace. Comments in the
-    case ask the user for all values that the file of the surface does not contain.
-
-    Parameters
-    ----------
-    path : Path
-        File of the surface.
-    folder : Path
-        Folder of the case, to which paths in the case are relative.
-    spacing : (str, str), optional
-        Spacing of the points along x1 and x2 with its unit, if the file does not contain the spacing.
-    height_unit : str, optional
-        Unit of the heights, if the file does not contain the unit.
-
-    Raises
-    ------
-    InputError
-        No surface can be read from the file, or the spacing of the points or the unit of the heights is not known.
-    """
-    file_content = read_for_a_look(path, height_unit=height_unit, **_in_metres(spacing=spacing))
-    _require_scale(path, file_content)
-    face = file_content.topography
-    treatment = SurfaceTable().model_dump(include={"detrend", "spikes", "max_undefined"})
-    surveyed = survey_surface(face, None, treatment, file_content.instrument)
-    name = os.path.relpath(path, folder).replace(os.sep, "/")
-    keys = {"path": name, "spacing": spacing, "height_unit": height_unit}
-    size = as_toml([to_text(side, "m", 6) for side in face.size])
-    lines = [
-        f"# A case for the surface in {path.name}. x1 is the direction of the leakage, x2 runs along the seal.",
-        "# A question mark asks for what the file does not say; `femseal check` says what a run computes.",
-        "",
-        f"title = {as_toml(path.stem)}",
-        "",
-        "[face]",
-        *(f"{key} = {as_toml(value)}" for key, value in keys.items() if value is not None),
-        *(f"# {note}" for note in file_content.notes),
-        *([f"# {_ORIENTATION}"] if is_text(path) else []),
-        f"# size = {size}  # as the file says: ? is that the field of the instrument",
-    ]
-    lines += [f"#   {line}" for line in surveyed.report.lines(_SHOWN_FIELDS)]
-    questions = [*map(str, file_content.errors), *surveyed.reasons]
-    surface_table: list[str] = []
-    if surveyed.conditioning is not None:
-        # the wavelength is a key of the case below
-        questions += advice(surveyed.report, surveyed.conditioning, with_wave=False)
-        questions += surveyed.warnings
-        wave = max(surveyed.report.shortest_wave, surveyed.conditioning.shortest_wave)
-        reason = "the shortest one above noise, of 8 pixels or more"
-        surface_table = [
-            "",
-            "[surface]",
-            f'shortest_wave = "{to_text(wave, "m", 3)}"  # {reason}',
-        ]
-    lines += [f"# ? {question}" for question in questions]
-    lines += surface_table
-    for table, question in _OPEN_QUESTIONS.items():
-        lines += ["", f"# ? {question}", *table_to_paste(Case, table).splitlines()]
-    lines += [
-        "",
-        "# ? how long is the seal (of a ring: its mean circumference), and how wide is its contact from inlet to",
-        "# outlet? Without these keys, the results are those of a seal as long and as wide as the map",
-        "[stochastic]",
-        '# length = "160 mm"',
-        '# breadth = "2 mm"',
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _require_scale(path: Path, file_content: Look) -> None:
-    """Raise InputError if the pixel size of a map or the unit of its heights is not known.
-
-    For NumPy files, no unit is needed: heights in NumPy files are in m.
-    """
-    has_pixel, has_unit = file_content.is_known
-    missing = {} if has_pixel else {"pixel size": "--spacing '1 um' '1 um'"}
-    if not has_unit and path.suffix.lower() not in (".npy", ".npz"):
-        missing["unit of heights"] = "--height-unit um"
-    if missing:
-        expected = f"{' and '.join(missing.values())}, as measured"
-        raise InputError(str(path), f"no {' and no '.join(missing)}", expected)

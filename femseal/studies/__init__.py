@@ -10,13 +10,14 @@ contains.
     cell_states         cells of a surface in several contact states
     tabulated_pressures pressures at which the contact of cells is tabulated, and interpolation between them
     patch_leakage       leakage of each measured patch
-    blocks              study of a large surface, block by block
+    blocks              study of a large surface, block by block; block_division chooses the blocks
     sampling            options of the stochastic study, and the tiles of its seal
     tile_pressure       nominal pressure of the tiles under a pressure map
     tile_fluid          fluid pressures at which the cells of tiles are solved
     seal_contact        pressure of the tiles of a seal that has a form, from rough_layer and contact_points
     cell_supply         permeabilities of the cells at the pressure of each tile
     stochastic_study    realisations of a seal, whose tiles take random cells
+    median_seal         fields of the realisation whose leakage is nearest to the median
     patch_interval      95 % interval of a leakage that was computed from one measured patch
     study_type          what a run must know of a study
     study_result        what the result of every study contains

@@ -28,7 +28,8 @@ class BlocksStudy(Study):
 
     def solve(self, scene: Scene, options: StudyOptions, mapper: Mapper) -> BlocksResult:
         """Solve the study, see `blocks.by_blocks`."""
-        from .blocks import blocks_of, by_blocks
+        from .block_division import blocks_of
+        from .blocks import by_blocks
 
         return by_blocks(scene, blocks_of(options.cells), mapper=mapper)
 
@@ -37,7 +38,7 @@ class BlocksStudy(Study):
 
         The contact of each block is solved twice: for its rough layer and for its cells.
         """
-        from .blocks import blocks_of
+        from .block_division import blocks_of
         from .cost_model import (
             CONTACT_SECONDS,
             FLOW_SECONDS,
@@ -55,13 +56,13 @@ class BlocksStudy(Study):
 
     def check(self, scene: Scene, options: StudyOptions) -> None:
         """Raise InputError if the surface cannot be divided into blocks."""
-        from .blocks import blocks_of, check_blocks
+        from .block_division import blocks_of, check_blocks
 
         check_blocks(scene, blocks_of(options.cells))
 
     def description(self, scene: Scene, options: StudyOptions) -> Iterator[tuple[str, str]]:
         """Say how large the blocks are, and how many contact states of each are solved."""
-        from .blocks import blocks_of
+        from .block_division import blocks_of
         from .cost_model import TABULATED_STATES
 
         b1, b2 = blocks_of(options.cells)
@@ -73,7 +74,7 @@ class BlocksStudy(Study):
         self, patch: Topography, points: Shape, shortest_wave: float, in_order: bool
     ) -> Shape:
         """Choose the cells of the largest blocks that have at most 1024 points along a side."""
-        from .blocks import BLOCK_CELLS, usual_blocks
+        from .block_division import BLOCK_CELLS, usual_blocks
 
         b1, b2 = usual_blocks(points)
         return BLOCK_CELLS * b1, BLOCK_CELLS * b2

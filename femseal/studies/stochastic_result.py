@@ -11,116 +11,22 @@ import numpy as np
 
 from ..base import Array, Shown
 from ..base.fields import (
-    CORNER,
     REALISATION,
     ROW,
     STEP,
-    TILE,
-    TILE_FORM,
-    TILE_VECTOR,
     Field,
     declared,
 )
 from ..checks import QuickEstimate
 from ..face.cell_flow import SolveCounts
-from ..loads import FLOOR, LoadProgramme
+from ..loads import LoadProgramme
 from ..scene import Scene
 from ..seal.mesh_seal import ElementSeal
 from ..seal.tiles import SealTiles
 from .cell_states import FaceCells
+from .median_seal import MedianSeal
 from .patch_leakage import PatchLeakage
 from .patch_state import PatchState, open_leakage_of_state
-
-
-@dataclass(frozen=True, repr=False)
-class MedianSeal(Shown):
-    """Fields, over the elements of the seal, of the realisation whose leakage is nearest to the median.
-
-    Parameters
-    ----------
-    realisation : int
-        Number of the realisation.
-    outlines : array (elements, corners, 2), m
-        Corners of the elements in the plane of the seal.
-    permeability : array (steps, elements), m³
-        Permeability of each element, NaN at load steps at which the flow solver failed.
-    fluid_pressure : array (steps, elements), Pa
-        Fluid pressure; NaN in pockets without a connection to inlet or outlet, and at load steps at which the flow
-        solver failed.
-    flux : array (steps, elements, 2), m²/s
-        Volume flow rate per unit width at the reference density of the fluid, as a vector in the plane of the seal.
-    pressure : array (steps, elements), Pa
-        Mean contact pressure of the tile to which each element belongs.
-    form : array (elements,), m, optional
-        Height of the form deviation of the seal; None for a seal without form deviation.
-    separation : array (steps, elements), m, optional
-        Distance between the mean planes of the two faces; None for a seal without form deviation.
-    nominal : array (steps, elements), Pa, optional
-        Nominal pressure of the tiles due to the form deviation of the seal; None for a seal without form deviation.
-    """
-
-    realisation: int
-    outlines: Array = declared(
-        "drawn_corners",
-        "m",
-        "corners of the elements of the seal, in its plane",
-        CORNER,
-        repr=False,
-    )
-    permeability: Array = declared(
-        "drawn_permeability", "m^3", "permeability, median realisation", TILE
-    )
-    fluid_pressure: Array = declared(
-        "drawn_fluid_pressure", "Pa", "fluid pressure, median realisation", TILE
-    )
-    flux: Array = declared("drawn_flux", "m^2/s", "flow per width, median realisation", TILE_VECTOR)
-    pressure: Array | None = declared(
-        "drawn_contact_pressure",
-        "Pa",
-        "contact pressure of tiles, median realisation",
-        TILE,
-        default=None,
-    )
-    form: Array | None = declared("drawn_form", "m", "form of the seal", TILE_FORM, default=None)
-    separation: Array | None = declared(
-        "drawn_separation", "m", "distance of the mean planes of the faces", TILE, default=None
-    )
-    nominal: Array | None = declared(
-        "drawn_nominal_pressure",
-        "Pa",
-        "nominal pressure of tiles under the form of the seal",
-        TILE,
-        default=None,
-    )
-
-
-def find_median_realisation(leakage: Array) -> int | None:
-    """Return the number of the median realisation, whose leakage is nearest to the median leakage.
-
-    The distance of a realisation from the median is the mean of |ln(leakage/median leakage)| over the load steps. Load
-    steps at which all realisations failed, or at which the median leakage is negligible, are excluded from the mean.
-    None is returned if all realisations are sealed, or if each of them failed at some load step at which others were
-    solved.
-
-    leakage : leakage of each realisation at each load step (realisations, steps).
-    """
-    solved_steps = np.isfinite(leakage).any(
-        axis=0
-    )  # steps at which at least one realisation was solved
-    magnitude = np.abs(leakage[:, solved_steps])  # (realisation, step)
-    is_complete = np.isfinite(magnitude).all(
-        axis=1
-    )  # realisations that were solved at all of these steps
-    if not magnitude.size or not is_complete.any():
-        return None
-    median = np.median(magnitude[is_complete], axis=0)
-    leaks = median > FLOOR * median.max()  # steps at which the median leakage is not negligible
-    if not leaks.any():
-        return None
-    with np.errstate(divide="ignore"):
-        distance = np.abs(np.log(magnitude[:, leaks] / median[leaks])).mean(axis=1)
-    # the distance is NaN for a realisation that failed at one of the steps
-    return int(np.argmin(np.where(np.isnan(distance), np.inf, distance)))
 
 
 @dataclass(frozen=True, repr=False)

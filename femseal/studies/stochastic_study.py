@@ -24,20 +24,19 @@ from ..scene import Scene
 from ..seal.tiles import SealTiles
 from .cell_supply import CellSupply, mean_relief, supply_cells
 from .face_result import fields_of_rows
+from .median_seal import solve_median_seal
 from .patch_interval import interval_widths
 from .patch_leakage import PatchLeakage
 from .patch_state import PatchState, open_leakage_per_permeability
 from .sampling import FEWEST_BY_DEFAULT, MOST_BY_DEFAULT, Sampling, cut_and_tiles
 from .seal_contact import SealContact, remove_waves_of_forms, solve_seal_contact
-from .stochastic_result import MedianSeal, StochasticResult, at_every_step, find_median_realisation
+from .stochastic_result import StochasticResult, at_every_step
 from .tile_pressure import check_map, pressure_fractions
 
 #: Desired standard error of ln(median leakage), divided by the half-width of the 95 % interval for a single patch.
 MEDIAN_ERROR_FRACTION = 1 / 20
 #: Standard error of the median of n normally distributed numbers, in units of their standard deviation over √n.
 _MEDIAN_ERROR = 1.2533
-#: Largest number of values (elements times load steps) for which the fields of the median realisation are stored.
-MOST_VALUES = 4_000_000
 
 
 def stochastic(
@@ -113,7 +112,7 @@ def stochastic(
     state = supply.patch_state(open_leakage)
     realisations = _solve_realisations(supply, sampling, state, mapper)
     leakage = np.array([realisation.leakage for realisation in realisations])
-    median_seal = _solve_median_seal(supply, sampling, leakage, contact, mapper)
+    median_seal = solve_median_seal(supply, sampling, leakage, contact, mapper)
     estimate = estimate_scene(scene, unit_leakage) if sampling.presses_evenly else None
     tile_gap = supply.over_tiles(mean_gap)
     row_fields = _row_fields(supply, contact)
@@ -230,88 +229,6 @@ def _realise(realisation: int, *, supply: CellSupply, seed: int) -> _Realisation
             ratio = np.clip(leakage[s] / cells_leakage[s], 1 / MOST_RATIO, MOST_RATIO)
             leakage[s] = surface_leakage[s] * ratio
     return _Realisation(leakage, failures, SolveCounts.total(counts))
-
-
-def _solve_median_seal(
-    supply: CellSupply,
-    sampling: Sampling,
-    leakage: Array,
-    contact: SealContact | None,
-    mapper: Mapper,
-) -> MedianSeal | None:
-    """Compute the fields of the realisation whose leakage is nearest to the median.
-
-    None is returned in three cases: the options exclude the fields, the fields are too large, or the median realisation
-    is not defined (see `find_median_realisation`).
-    """
-    value_count = len(supply.tiles.outlines) * len(supply.scene.steps)
-    if not sampling.median_fields or value_count > MOST_VALUES:
-        return None
-    realisation = find_median_realisation(leakage)
-    if realisation is None:
-        return None
-    solve = partial(_fields_of_realisation, supply=supply, seed=sampling.seed)
-    (median_seal,) = mapper(Stage("median seal", solve), [realisation])
-    if contact is None:
-        return median_seal
-    return _with_form(median_seal, supply.tiles, contact)
-
-
-def _fields_of_realisation(realisation: int, *, supply: CellSupply, seed: int) -> MedianSeal:
-    """Solve a realisation again, and return its fields over the elements of the seal."""
-    scene, tiles = supply.scene, supply.tiles
-    cell_of_tile = supply.choose_cells(seed, realisation)
-    shape = len(scene.steps), len(tiles.outlines)  # (step, element)
-    k = np.full(shape, np.nan)
-    fluid_pressure = np.full(shape, np.nan)
-    flux = np.full((*shape, 2), np.nan)
-    for s in supply.solved_steps:
-        permeability, flow = supply.solve_flow(cell_of_tile, s)
-        if isinstance(flow, Failed):
-            continue
-        if flow.permeability is not None:
-            # if the permeability depends on the fluid pressure, `flow` contains the permeability at the solved fluid
-            # pressures
-            permeability = flow.permeability
-        k[s], fluid_pressure[s] = tiles.element_means(permeability, flow.fluid_pressure)
-        potential = scene.fluid.potential(flow.fluid_pressure) / scene.fluid.reference_density
-        flux[s] = tiles.flux(permeability, potential, flow.volume_rate)
-    # mean contact pressure of the tile to which each element belongs (step, element)
-    if tiles.in_order:
-        # the contact of each cell was solved at the load steps
-        cell_pressure = supply.cells.pressure.reshape(len(scene.steps), -1)  # (step, cell)
-        pressure = cell_pressure[:, cell_of_tile[tiles.tile]]
-    else:
-        # nominal pressure of the tile, minus the pressure that the fluid carries
-        pressure = supply.paths[:, supply.path_of_tile[tiles.tile]]
-        fluid = scene.acting_fluid
-        if fluid is not None:
-            relief = np.nan_to_num(fluid.relief(fluid_pressure))
-            pressure = np.maximum(pressure - relief, 0.0)
-    elements = tiles.unrepeated_elements
-    return MedianSeal(
-        realisation=realisation,
-        outlines=tiles.outlines[elements],
-        permeability=k[:, elements],
-        fluid_pressure=fluid_pressure[:, elements],
-        flux=flux[:, elements],
-        pressure=pressure[:, elements],
-    )
-
-
-def _with_form(median_seal: MedianSeal, tiles: SealTiles, contact: SealContact) -> MedianSeal:
-    """Add the form deviation of the seal, and the resulting contact, to the fields of the median realisation."""
-    tile_of_element = tiles.tile[tiles.unrepeated_elements]
-
-    def over_elements(values: Array) -> Array:
-        return contact.grid.means(values)[..., tile_of_element]
-
-    return replace(
-        median_seal,
-        form=over_elements(-contact.depth),
-        separation=over_elements(contact.separation),
-        nominal=over_elements(contact.pressure),
-    )
 
 
 def _row_fields(supply: CellSupply, contact: SealContact | None) -> dict[str, Any]:

@@ -11,7 +11,8 @@ from femseal.case import parse_case
 from femseal.checks import estimate_scene, estimate_surface, result_warnings
 from femseal.checks.quick_estimate import LIGHT_CONTACT
 from femseal.preparation import prepare
-from femseal.studies.blocks import blocks_of, by_blocks
+from femseal.studies.block_division import blocks_of
+from femseal.studies.blocks import by_blocks
 
 FACE = {
     "kind": "self-affine",

@@ -9,7 +9,7 @@ import femseal as fs
 from femseal.case import load_case
 from femseal.preparation import prepare
 from femseal.runs.run_description import describe
-from femseal.studies.blocks import usual_blocks
+from femseal.studies.block_division import usual_blocks
 
 CASE = f"""
 method = "blocks"

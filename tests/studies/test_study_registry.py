@@ -18,7 +18,7 @@ from femseal.studies import (
     SurfaceResult,
     study_of_result,
 )
-from femseal.studies.blocks import blocks_of
+from femseal.studies.block_division import blocks_of
 from femseal.topography import self_affine
 
 CELLS = (4, 4)
