@@ -21,7 +21,7 @@ from ..face.cell_flow import Failed, FlowSettings, attempt, solve_surface_flow
 from ..face.curves import CellCurves
 from ..scene import Scene
 from ..seal.form import SealForm
-from ..seal.pressure_map import Frame
+from ..seal.frame import Frame
 from ..seal.tiles import CellSize, SealTiles
 from ..studies.rough_layer import RoughLayer, solve_layer_states
 from ..studies.seal_contact import solve_seal_contact

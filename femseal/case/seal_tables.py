@@ -16,7 +16,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 from ..base import InputError
 from ..fluids import FLUIDS, Fluid
 from ..seal.form import FORMS
-from ..seal.lay import check_inlet
+from ..seal.input_checks import check_inlet
 from ..seal.layouts import LAY_NAMES, LAYOUTS, Layout, MeshLayout, RectangularLayout, parse_lay
 from ..topography.seat import SEATS
 from .completion import as_tables

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from ..base import Array, Indices, Pair, Shape
+from .frame import Frame
 from .plane import in_space, middles
-from .pressure_map import Frame
 from .tiles import SealTiles
 
 #: Smallest numbers of rows and columns over a strip or a ring.

@@ -16,9 +16,11 @@ import numpy as np
 from ..base import Array, InputError, Pair, Shape, counted, to_si, to_text
 from ..flow.rectangles import FEWEST_COLUMNS, Rectangles
 from ..flow.spiral import Spiral
-from .lay import Lay, check_size
+from .input_checks import check_size
+from .lay import Lay
 from .mesh_seal import ElementSeal, MeshSeal, boundaries_without_name, parts_without_flow
 from .plane import middles, polygon_areas
+from .ring import Ring
 from .tiles import CellSize, SealTiles, lay_axes, strip_tiles
 
 #: Largest number of tiles between inlet and outlet.
@@ -98,30 +100,29 @@ def _row_count(breadth: float, side: float, name: str, given: float) -> int:
     return rows
 
 
-def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTiles:
-    """Cover a ring between two radii [m] with tiles, beginning at the inlet.
+def cover_ring(cell_size: CellSize, lay: Lay, ring: Ring) -> SealTiles:
+    """Cover a ring with tiles, beginning at the inlet.
 
     The mesh of the ring has the coordinates (|ln r/r₀|, θ), where r₀ is the radius of the inlet. Raises InputError if
     the ring is narrower than a cell, or if the innermost tiles of a small ring are much narrower than a cell.
     """
-    inner, outer = radii
+    breadth = ring.breadth
     # sides of the tiles across and along the seal
     d1, d2 = _tile_sides(cell_size.size, lay, "circumferential", "radial")
-    breadth, middle = outer - inner, (inner + outer) / 2
     if breadth < _NARROW * d1:
         sides = " × ".join(to_text(side, "m", 3) for side in cell_size.size)
         given = f"a ring {to_text(breadth, 'm', 3)} wide"
         raise InputError("outer_radius", given, f"a ring at least as wide as a cell, {sides}")
-    rows = _row_count(breadth, d1, "outer_radius", outer)
-    all_columns = max(FEWEST_COLUMNS, round(2 * pi * middle / d2))
-    warnings = _check_innermost_tiles(inner, all_columns, d2)
+    rows = _row_count(breadth, d1, "outer_radius", ring.outer)
+    all_columns = max(FEWEST_COLUMNS, round(ring.circumference / d2))
+    warnings = _check_innermost_tiles(ring.inner, all_columns, d2)
     is_spiral = lay.name == "spiral"
     # a part of the ring can stand for the whole ring only if the lay does not vary around the ring
     columns = all_columns
     if is_spiral or lay.name in ("radial", "circumferential"):
         columns = cell_size.covered_columns(rows, all_columns)
     part = columns / all_columns
-    geometry = _ring_geometry(radii, inlet, (rows, columns), part)
+    geometry = _ring_geometry(ring, (rows, columns), part)
     # a spiral deviates little from the circumferential direction: the elements have a circumferential lay, and
     # `tangent` contains the deviation
     element_lay = Lay(name="circumferential") if is_spiral else lay
@@ -131,7 +132,7 @@ def cover_ring(cell_size: CellSize, lay: Lay, radii: Pair, inlet: str) -> SealTi
     seal = ElementSeal(
         rectangles.mesh,
         *rectangles.ends,
-        size=(breadth, 2 * pi * middle * part),
+        size=(breadth, ring.circumference * part),
         outlines=geometry.outlines,
         axes=lay_axes(lay_in_mesh),
         rectangles=rectangles,
@@ -189,47 +190,28 @@ class _RingGeometry(NamedTuple):
     mesh_axes: Array
 
 
-def _ring_geometry(radii: Pair, inlet: str, cells: Shape, part: float) -> _RingGeometry:
+def _ring_geometry(ring: Ring, cells: Shape, part: float) -> _RingGeometry:
     """Divide a ring, or a part of a ring, into rows and columns of elements; the first row is at the inlet.
 
-    radii : inner and outer radius [m].
-    inlet : radius at which the fluid enters, "inner" or "outer".
+    ring : geometry of the whole ring.
     cells : numbers of rows and columns.
     part : fraction of the circumference that is divided into columns.
     """
     rows, columns = cells
-    # 1 if the radius increases in the direction of the flow, −1 if it decreases
-    sign = 1.0 if inlet == "inner" else -1.0
-    # radii of the row boundaries, from inlet to outlet
-    row_radii = np.linspace(*radii, rows + 1)
-    if inlet == "outer":
-        row_radii = row_radii[::-1]
-    inlet_radius = row_radii[0]
-    rectangles = Rectangles(np.abs(np.log(row_radii / inlet_radius)), 2 * pi * part, columns)
+    rectangles = Rectangles(ring.strip_lines(rows), 2 * pi * part, columns)
     mesh = rectangles.plain_mesh
-    vertex_radii, vertex_directions = _radius_and_direction(mesh.p, inlet_radius, sign)
+    vertex_radii, vertex_directions = ring.radius_and_direction(mesh.p)
     vertices = (vertex_radii * vertex_directions).T  # in the plane, (vertex, 2)
     outlines = vertices[mesh.t.T]  # (element, corner, 2)
     # the mesh coordinates of a centre are the means of the mesh coordinates of the corners, (2, element)
     centre_coordinates = mesh.p[:, mesh.t].mean(axis=1)
-    centre_radii, outward = _radius_and_direction(centre_coordinates, inlet_radius, sign)
+    centre_radii, outward = ring.radius_and_direction(centre_coordinates)
     centres = (centre_radii * outward).T
     # directions in which the mesh coordinates |ln r/r₀| and θ increase, (2, element) each
-    downstream = sign * outward
+    downstream = ring.outflow * outward
     around = np.array([-outward[1], outward[0]])
     mesh_axes = np.stack([downstream, around]).transpose(2, 0, 1)  # (element, axis, 2)
     return _RingGeometry(rectangles, outlines, centres, centre_radii, mesh_axes)
-
-
-def _radius_and_direction(points: Array, inlet_radius: float, sign: float) -> tuple[Array, Array]:
-    """Return the radius (n,) [m] and the radial unit vector (2, n) at points (2, n) of the mesh of a ring.
-
-    points : mesh coordinates (|ln r/r₀|, θ) of the points, where r₀ is the inlet radius.
-    inlet_radius : radius r₀ of the inlet [m].
-    sign : 1 if the inlet is at the inner radius, −1 if the inlet is at the outer radius.
-    """
-    outward = np.array([np.cos(points[1]), np.sin(points[1])])
-    return inlet_radius * np.exp(sign * points[0]), outward
 
 
 def cover_mesh(

@@ -19,8 +19,8 @@ from numpy.typing import ArrayLike
 from ..base import Array, InputError, Pair, shortened, to_si, to_text, validate
 from ..base.validate import check_parameters, described, parameter
 from ..topography import Topography
+from .frame import Frame
 from .plane import middles, plane_points
-from .pressure_map import Frame
 from .seal_files import TEXTS, columns_of, read_columns
 
 #: Heights are extrapolated to points whose distance from the nearest measured point is at most the larger of two

@@ -6,17 +6,13 @@ machining marks on the seal.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ..base import Array, InputError, Pair, counted, to_text
 
-#: Smallest and largest plausible size of a seal [m].
-_SIZES = (1e-4, 100.0)
 #: Largest distance of a point of the seal from the nearest node of a vector field, divided by the spacing of the nodes.
 _LARGEST_DISTANCE = 2.0
 
@@ -113,39 +109,6 @@ class Lay:
         if self.name == "spiral":
             return f"in a spiral of lead {to_text(self.lead, 'm')}"
         return f"at {np.degrees(self.angle):.3g}° from x1" if self.angle is not None else self.name
-
-
-def check_size(name: str, size: float, unit: str = "") -> None:
-    """Raise InputError if a seal is so small or so large that its unit is probably wrong.
-
-    name : name of the size parameter, for the message.
-    size : size of the seal [m].
-    unit : unit of the size in the user's input, for the message.
-    """
-    low, high = _SIZES
-    if not low <= size <= high:
-        given = f"a seal {to_text(size, 'm', 3)} across{f' with the unit {unit!r}' if unit else ''}"
-        expected = f"from {to_text(low, 'm')} to {to_text(high, 'm')}: is its unit right?"
-        raise InputError(name, given, expected)
-
-
-def check_inlet(inlet: Any) -> None:
-    """Raise InputError if a pressure is given for each inlet of a mesh, which only earlier versions accepted."""
-    if isinstance(inlet, Mapping):
-        expected = (
-            "names of boundaries, which all have the inlet pressure of the fluid: the highest of several "
-            "pressures gives an upper bound of the leakage"
-        )
-        raise InputError("inlet", f"pressures of {', '.join(map(str, inlet))}", expected)
-
-
-def check_ring(inner: float, outer: float, inlet: str) -> None:
-    """Raise InputError if the outer radius [m] is not larger than the inner radius [m], or if `inlet` is invalid."""
-    if not outer > inner:
-        expected = f"a number > the inner radius, {inner:g} m"
-        raise InputError("outer_radius", f"{outer:g} m", expected)
-    if inlet not in ("inner", "outer"):
-        raise InputError("inlet", repr(inlet), "'inner' or 'outer'")
 
 
 def _directions_from_field(file: Path, array: str, points: Array, unit: float) -> Array:

@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import isfinite, pi
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
 from ..base import InputError, Pair, shown, to_si, to_text, validate
 from ..base.validate import check_parameters, described, parameter
-from .lay import Lay, check_inlet, check_ring, check_size
-from .pressure_map import Frame
+from .frame import Frame
+from .input_checks import check_inlet, check_size
+from .lay import Lay
+from .ring import Ring
 
 if TYPE_CHECKING:
     from ..flow.spiral import Spiral
@@ -205,8 +207,7 @@ class AnnularLayout:
         object.__setattr__(self, "lay", lay)
         if self.lay.file is not None:
             raise InputError("lay", f"'{self.lay}' on a ring", "a field on a mesh only")
-        check_ring(self.inner_radius, self.outer_radius, self.inlet)
-        self.lay.check_lead(self.outer_radius - self.inner_radius)
+        self.lay.check_lead(self.ring.breadth)
         check_size("outer_radius", 2 * self.outer_radius)
 
     def lay_out(self, cell_size: CellSize) -> SealTiles:
@@ -214,12 +215,17 @@ class AnnularLayout:
         _refuse_sizes(self.kind, cell_size)
         from .covering import cover_ring
 
-        return cover_ring(cell_size, self.lay, (self.inner_radius, self.outer_radius), self.inlet)
+        return cover_ring(cell_size, self.lay, self.ring)
+
+    @property
+    def ring(self) -> Ring:
+        """Geometry of the ring; an InputError is raised if the radii or the inlet are invalid."""
+        return Ring(self.inner_radius, self.outer_radius, self.inlet)
 
     @property
     def circumference(self) -> float:
         """Mean circumference of the ring [m]."""
-        return pi * (self.inner_radius + self.outer_radius)
+        return self.ring.circumference
 
     @property
     def spiral(self) -> Spiral | None:
@@ -230,8 +236,7 @@ class AnnularLayout:
 
     def frame(self, size: Pair) -> Frame:
         """Return polar coordinates around the centre of the ring."""
-        ends = self.inner_radius, self.outer_radius
-        return Frame(ends=ends if self.inlet == "inner" else ends[::-1])
+        return Frame(ends=self.ring.ends)
 
     def __str__(self) -> str:
         radii = " and ".join(to_text(r, "m") for r in (self.inner_radius, self.outer_radius))

@@ -30,7 +30,7 @@ from ..flow.problem import (
     check_solver,
 )
 from ..flow.rectangles import Rectangles
-from .lay import check_inlet
+from .input_checks import check_inlet
 from .plane import polygon_areas
 from .seal_files import NAME_BOUNDARIES, read_mesh
 

@@ -21,8 +21,8 @@ from ..flow import DarcyFlow
 from ..flow.mesh_input import permeability_tensors
 from ..flow.problem import MESH_SOLVERS, SOLVERS, SPARSE_SOLVERS, check_solver, checked_permeability
 from ..flow.rectangles import FEWEST_COLUMNS, Rectangles
-from .lay import check_ring
 from .mesh_seal import ElementSeal
+from .ring import Ring
 
 
 class Seal(Protocol):
@@ -322,24 +322,30 @@ class AnnularSeal(PeriodicSeal):
     def __post_init__(self) -> None:
         for name in ("inner_radius", "outer_radius"):
             object.__setattr__(self, name, validate.number(name, getattr(self, name), unit="m"))
-        check_ring(self.inner_radius, self.outer_radius, self.inlet)
+        Ring(
+            self.inner_radius, self.outer_radius, self.inlet
+        )  # raises an InputError if they are invalid
         object.__setattr__(self, "cells", validate.grid("cells", self.cells))
+
+    @property
+    def _ring(self) -> Ring:
+        """Geometry of the ring."""
+        return Ring(self.inner_radius, self.outer_radius, self.inlet)
 
     @property
     def radii(self) -> Array:
         """Radii of the row boundaries from inlet to outlet (n_r + 1,) [m]."""
-        x1 = np.linspace(0.0, self.outer_radius - self.inner_radius, self.cells[0] + 1)
-        return self.inner_radius + x1 if self.inlet == "inner" else self.outer_radius - x1
+        return self._ring.row_radii(self.cells[0])
 
     @property
     def size(self) -> Pair:
         """Width of the ring from inlet to outlet, and mean circumference [m]."""
-        return (self.outer_radius - self.inner_radius, self.length)
+        return self._ring.breadth, self.length
 
     @property
     def length(self) -> float:
         """Mean circumference π(r_i + r_o) [m]."""
-        return pi * (self.inner_radius + self.outer_radius)
+        return self._ring.circumference
 
     @property
     def points(self) -> Array:
@@ -350,5 +356,4 @@ class AnnularSeal(PeriodicSeal):
     @cached_property
     def rectangles(self) -> Rectangles:
         """Rectangular elements of the ring in the coordinates (|ln r/r₀|, θ), where r₀ is the radius of the inlet."""
-        r = self.radii
-        return Rectangles(np.abs(np.log(r / r[0])), 2 * pi, self.cells[1])
+        return Rectangles(self._ring.strip_lines(self.cells[0]), 2 * pi, self.cells[1])
