@@ -15,7 +15,8 @@ import numpy as np
 
 from ..base import Array, FemsealError, Floats, Pair
 from ..flow import Permeability, Spiral, cell_permeability
-from ..flow.cell import cell_flow, pixel_dissipation
+from ..flow.cell import cell_flow
+from ..flow.dissipation import pixel_dissipation
 from ..flow.pressure_drop import VISCOUS, PressureDrop, pressure_between, solve_face
 from ..flow.problem import check_solver
 from ..flow.spiral import spiral_flow

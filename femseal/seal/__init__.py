@@ -14,12 +14,13 @@ From the shape to the leakage::
        |  leakage.seal_leakage  with a fluid and its pressures
     leakage.Leakage
 
-A user who has a permeability for each element needs no tiles, and begins in the middle, with one of the other shapes that
-have the methods of `shapes.Seal`: `RectangularSeal`, `AnnularSeal` (`shapes`) and `MeshSeal` (`mesh_seal`). The geometry
-of rings is in `ring.Ring`.
+A user who has a permeability for each element needs no tiles, and begins in the middle, with one of the other shapes
+that have the methods of `shapes.Seal`: `RectangularSeal`, `AnnularSeal` (`shapes`) and `MeshSeal` (`mesh_seal`). The
+geometry of rings is in `ring.Ring`.
 
-What varies over the whole seal is given in the coordinates `frame.Frame`: pressure maps (`pressure_map`), whose averages
-`PressedSeal` computes, and form deviations (`form`). The contact of a whole seal is solved on a `contact_grid.ContactGrid`.
+What varies over the whole seal is given in the coordinates `frame.Frame`: pressure maps (`pressure_map`), whose
+averages `PressedSeal` computes, and form deviations (`form`). The contact of a whole seal is solved on a
+`contact_grid.ContactGrid`.
 """
 
 from typing import TYPE_CHECKING

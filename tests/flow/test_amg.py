@@ -1,5 +1,7 @@
 """Algebraic multigrid against elimination and the factorisation: whatever it returns is right, and the same every time."""
 
+import re
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -8,10 +10,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from skfem import Basis, ElementQuad1, ElementTriP1, MeshQuad, MeshTri
 
 from femseal.base import InputError, NotConverged
-from femseal.flow import Stencil
+from femseal.flow import Stencil, solvers
 from femseal.flow.forms import darcy_flow
 from femseal.flow.percolation import nodes_reached
-from femseal.flow.solvers import sparse
+from femseal.flow.solvers import multigrid, sparse, thresholds
 from femseal.flow.solvers.amg import solve_amg
 from femseal.flow.solvers.choice import solve_flow
 from femseal.flow.solvers.direct import solve_direct, solve_direct_between
@@ -238,6 +240,12 @@ def test_the_solver_is_chosen_by_its_name_and_the_size():
         solve_spd(matrix, rhs, 1e-8, "fast")
     with pytest.raises(NotConverged):
         solve_direct(sp.csr_array([[1.0, -1.0], [-1.0, 1.0]]), np.ones(2))
+
+
+def test_the_map_of_the_solvers_names_numbers_that_exist():
+    named = set(re.findall(r"\b[A-Z_]{6,}\b", solvers.__doc__))
+    assert len(named) >= 10
+    assert named <= {*vars(thresholds), *vars(multigrid)}
 
 
 def test_a_solver_that_is_named_is_used_or_fails(monkeypatch):

@@ -8,7 +8,7 @@ from femseal import analytic
 from femseal.base import InputError
 from femseal.face.cells import Cut
 from femseal.flow import cell_permeability
-from femseal.flow.cell import pixel_dissipation
+from femseal.flow.dissipation import pixel_dissipation
 from femseal.gases import IdealGas
 from femseal.studies import Scene, two_scale
 from femseal.topography import Topography, self_affine

@@ -240,40 +240,30 @@ def _eliminate_fronts(first, parent, later, conductance):
     # for each node, 1/Σc with the sum of the conductances c of its links at the time of its elimination
     inverse = np.empty(n)
     # for each front: its links at the time of elimination, and the positions of the nodes in its border
-    rows: list[Array] = []
+    eliminated: list[Array] = []
     borders: list[Indices] = []
     # stack of fronts whose fill-in has not been added to their parent yet; the children of a front are on its top
     waiting: list[int] = []
     waiting_fill_in: list[Array] = []
+    # work arrays with an entry for each position
     last_front = np.full(
         n + 2, -1
     )  # number of the last front in whose border a position was listed
-    listed = np.empty(
-        n + 2, np.int64
-    )  # positions of the nodes in the border of a front, not yet sorted
+    listed = np.empty(n + 2, np.int64)  # positions of the nodes in the border of a front
     column = np.empty(n + 2, np.int64)  # column of `front` that belongs to each position
     child_columns = np.empty(n + 2, np.int64)  # columns of `front` for the border of a child
     for f in range(fronts):
         start, end = first[f], first[f + 1]
-        p, q, children = end - start, 0, 0
-        # list the border: later nodes that are linked to the front, and later nodes in the borders of the children
-        for a in range(start, end):
-            column[a] = a - start
-            for k in range(6):
-                b = later[a, k]
-                if conductance[a, k] == 0.0:
-                    break
-                if b >= end and last_front[b] != f:
-                    last_front[b], listed[q] = f, b
-                    q += 1
+        p = end - start
+        q = _list_linked(f, start, end, later, conductance, last_front, listed)
+        children = 0
         while children < len(waiting) and parent[waiting[-1 - children]] == f:
-            for b in borders[waiting[-1 - children]]:
-                if b >= end and last_front[b] != f:
-                    last_front[b], listed[q] = f, b
-                    q += 1
+            q = _list_border(f, end, borders[waiting[-1 - children]], last_front, listed, q)
             children += 1
         border_positions = listed[:q].copy()
         _sort(border_positions)
+        for k in range(p):
+            column[start + k] = k
         for k in range(q):
             column[border_positions[k]] = p + k
         # add up the links of the nodes themselves and the fill-in of the children
@@ -285,20 +275,12 @@ def _eliminate_fronts(first, parent, later, conductance):
                     break
                 front[a - start, column[later[a, k]]] += conductance[a, k]
         for _ in range(children):
-            # positions are in rising order in the front and in the child, so that links remain in the upper triangle
-            block, border = waiting_fill_in.pop(), borders[waiting.pop()]
+            border = borders[waiting.pop()]
             for i in range(border.size):
                 child_columns[i] = column[border[i]]
-            for i in range(border.size):
-                here = child_columns[i]
-                if here < p:
-                    for j in range(i + 1, border.size):
-                        front[here, child_columns[j]] += block[i, j]
-                else:
-                    for j in range(i + 1, border.size):
-                        fill_in[here - p, child_columns[j] - p] += block[i, j]
+            _add_child(waiting_fill_in.pop(), child_columns, front, fill_in)
         _eliminate_front(front, fill_in, inverse[start:end])
-        rows.append(front)
+        eliminated.append(front)
         borders.append(border_positions)
         waiting.append(f)
         waiting_fill_in.append(fill_in)
@@ -307,7 +289,61 @@ def _eliminate_fronts(first, parent, later, conductance):
     for k in range(len(waiting_fill_in) - 1, -1, -1):
         if len(waiting_fill_in[k]) == 2:
             between_ends += waiting_fill_in[k][0, 1]
-    return between_ends, *_potentials(first, rows, borders, inverse)
+    return between_ends, *_potentials(first, eliminated, borders, inverse)
+
+
+@inner()
+def _list_linked(f, start, end, later, conductance, last_front, listed):
+    """List the positions of later nodes that are linked to front f, and return their number.
+
+    start, end : the front consists of the positions `start` to `end` − 1.
+    last_front : number of the last front in whose border each position was listed, which is updated.
+    listed : array for the positions.
+    """
+    q = 0
+    for a in range(start, end):
+        for k in range(6):
+            b = later[a, k]
+            if conductance[a, k] == 0.0:
+                break
+            if b >= end and last_front[b] != f:
+                last_front[b], listed[q] = f, b
+                q += 1
+    return q
+
+
+@inner()
+def _list_border(f, end, border, last_front, listed, q):
+    """Append later nodes in the border of a child of front f to `listed`, and return the new number of positions.
+
+    end, last_front, listed : as in `_list_linked`.
+    border : positions of the nodes in the border of the child.
+    q : number of positions that are listed already.
+    """
+    for b in border:
+        if b >= end and last_front[b] != f:
+            last_front[b], listed[q] = f, b
+            q += 1
+    return q
+
+
+@inner()
+def _add_child(block, child_columns, front, fill_in):
+    """Add the fill-in of a child, array `block`, to the links of its parent, the arrays `front` and `fill_in`.
+
+    Positions are in rising order in the front and in the child, so that links remain in the upper triangle.
+
+    child_columns : column of `front` for each row and column of `block`.
+    """
+    p = len(front)
+    for i in range(len(block)):
+        here = child_columns[i]
+        if here < p:
+            for j in range(i + 1, len(block)):
+                front[here, child_columns[j]] += block[i, j]
+        else:
+            for j in range(i + 1, len(block)):
+                fill_in[here - p, child_columns[j] - p] += block[i, j]
 
 
 @inner()
@@ -375,7 +411,7 @@ def _eliminate_front(front, fill_in, inverse):
 
 
 @inner(**_fast)
-def _potentials(first, rows, borders, inverse):
+def _potentials(first, eliminated, borders, inverse):
     """Compute the potential v, which is 1 at the inlet and 0 at the outlet, and the potential w = 1 − v.
 
     The nodes are visited in reverse order of elimination. When a node was eliminated, it was linked to later nodes. Its
@@ -383,7 +419,7 @@ def _potentials(first, rows, borders, inverse):
     in the same way as v, and not as the difference 1 − v, so that small values are accurate.
 
     first : position of the first node of each front.
-    rows : array `front` of each front after the elimination.
+    eliminated : array `front` of each front after the elimination.
     borders : positions of the nodes in the border of each front.
     inverse : array (n,), 1/Σc for each node, see `_eliminate_front`.
     """
@@ -392,8 +428,8 @@ def _potentials(first, rows, borders, inverse):
     w = np.zeros(n + 2)
     v[n] = 1.0  # the inlet
     w[n + 1] = 1.0  # the outlet
-    for f in range(len(rows) - 1, -1, -1):
-        front, border, start = rows[f], borders[f], first[f]
+    for f in range(len(eliminated) - 1, -1, -1):
+        front, border, start = eliminated[f], borders[f], first[f]
         p = len(front)
         for i in range(p - 1, -1, -1):
             # sums of conductance times potential over the links to later nodes, in the front and in its border
