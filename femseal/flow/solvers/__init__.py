@@ -15,31 +15,31 @@
      multigrid.py       elimination.py                        amg.py            direct.py
      hierarchy.py       (star-mesh)                           (pyamg)           (SuperLU)
 
-**What "auto" chooses.** The first line that applies decides. All numbers are in `thresholds`, except the last two,
-which are in `multigrid`.
+**What "auto" chooses.** The first line that applies decides. All numbers are in `thresholds`, except COARSEST_NODES and
+BOUNDED_FROM, which are in `multigrid`.
 
-=====================  ======================================================  ========================================
-operator               condition                                               solver
-=====================  ======================================================  ========================================
-stencil                no open path, or no node between inlet and outlet       none: the potential is known
-stencil                more than COARSEST_NODES nodes on the coarsest grid,    elimination
-                       that is, a long and narrow network
-stencil                at most ELIMINATED_NODES open nodes n, and              elimination
-                       n <= FEWEST exp(GROWTH r), with the roughness r
-stencil                at most ELIMINATED_NODES open nodes, and pixels         elimination
-                       longer than LARGEST_PIXEL_RATIO times their width
-stencil                any other                                               multigrid; elimination if it does not
-                                                                               converge within PATIENCE iterations
-                                                                               (MOST_ITERATIONS if there are more than
-                                                                               ELIMINATED_NODES open nodes)
-sparse matrix          at most DIRECT_UNKNOWNS unknowns                        direct
-sparse matrix          more unknowns                                           amg; direct if it does not converge
-=====================  ======================================================  ========================================
+=============  =============================================================  ===================================
+operator       condition                                                      solver
+=============  =============================================================  ===================================
+stencil        no open path, or no node between inlet and outlet              none: the potential is known
+stencil        more than COARSEST_NODES nodes on the coarsest grid, that      elimination
+               is, a long and narrow network
+stencil        at most ELIMINATED_NODES open nodes, and not more than         elimination
+               SMOOTH_NODES exp(ROUGHNESS_GROWTH r), with the roughness r
+stencil        at most ELIMINATED_NODES open nodes, and pixels longer than    elimination
+               LARGEST_PIXEL_RATIO times their width
+stencil        at most ELIMINATED_NODES open nodes                            multigrid; elimination after
+                                                                              MULTIGRID_PATIENCE iterations
+stencil        more open nodes                                                multigrid; elimination after
+                                                                              MOST_MULTIGRID_ITERATIONS
+sparse matrix  at most DIRECT_UNKNOWNS unknowns                               direct
+sparse matrix  more unknowns                                                  amg; direct if it does not converge
+=============  =============================================================  ===================================
 
 **A solver that is chosen by its name** solves the system or raises `NotConverged`; a solver of the other half of the
 picture raises `InputError`. There is one exception: on long pixels, "multigrid" gives way to elimination, because its
 rigorous error bound would reject up to half of such flows. `DarcyFlow.solver` names the solver that was used.
 
-**Multigrid and narrow links.** Links below RESOLVED are left out, and nodes that are only connected by links below
-CONTRIBUTING are eliminated afterwards. The error of multigrid is bounded rigorously after BOUNDED_FROM iterations.
+**Multigrid and narrow links.** Links below RESOLVED_LINK are left out, and nodes that are only connected by links below
+CONTRIBUTING_LINK are eliminated afterwards. The error of multigrid is bounded rigorously after BOUNDED_FROM iterations.
 """

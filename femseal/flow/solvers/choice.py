@@ -27,16 +27,16 @@ from ..problem import FAST_SOLVERS, MAX_IMBALANCE, DarcyFlow, check_solver
 from .elimination import eliminate
 from .multigrid import BOUNDED_FROM, COARSEST_NODES, coarsest_nodes, solve_multigrid
 from .thresholds import (
-    CLOSED,
-    CONTRIBUTING,
+    CLOSED_ROUGHNESS,
+    CONTRIBUTING_LINK,
     ELIMINATED_NODES,
-    FEWEST,
-    GROWTH,
     LARGEST_PIXEL_RATIO,
-    MOST_ITERATIONS,
-    PATIENCE,
-    RESOLVED,
+    MOST_MULTIGRID_ITERATIONS,
+    MULTIGRID_PATIENCE,
+    RESOLVED_LINK,
+    ROUGHNESS_GROWTH,
     SAMPLED_ROWS,
+    SMOOTH_NODES,
 )
 
 #: Potential of a node without flow, for each result of `nodes_reached`: 0 for a node in a pocket, 1 for a node that is
@@ -153,7 +153,7 @@ def _solve(
     has_long_pixels = _pixel_ratio(stencil) > LARGEST_PIXEL_RATIO
     if has_long_pixels and can_eliminate:
         return _solve_by_elimination(stencil, keep)
-    limit = PATIENCE if solver == "auto" and can_eliminate else MOST_ITERATIONS
+    limit = MULTIGRID_PATIENCE if solver == "auto" and can_eliminate else MOST_MULTIGRID_ITERATIONS
     # on long pixels the estimate of the error cannot be trusted, so that the error is bounded from the beginning
     bounded_from = 0 if has_long_pixels else BOUNDED_FROM
     try:
@@ -173,15 +173,16 @@ def _suits_multigrid(stencil: Stencil, nodes: int) -> bool:
     if nodes > ELIMINATED_NODES:
         return True
     roughness = _roughness(stencil.along, max(1, n1 // SAMPLED_ROWS))
-    # multigrid is faster from FEWEST exp(GROWTH r) nodes on; logarithms are compared, so that nothing can overflow
-    return log(nodes / FEWEST) > GROWTH * roughness
+    # multigrid is faster from SMOOTH_NODES exp(ROUGHNESS_GROWTH r) nodes on; logarithms are compared, so that nothing
+    # can overflow
+    return log(nodes / SMOOTH_NODES) > ROUGHNESS_GROWTH * roughness
 
 
 @compiled()
 def _roughness(along, step):
     """Compute the mean difference of ln c between neighbouring links in every `step`-th row.
 
-    If only one of two neighbouring links is open, their difference counts as `CLOSED`.
+    If only one of two neighbouring links is open, their difference counts as `CLOSED_ROUGHNESS`.
     """
     total, pairs = 0.0, 1  # one additional pair avoids a division by 0
     for i in range(0, along.shape[0], step):
@@ -192,7 +193,7 @@ def _roughness(along, step):
                 total += abs(np.log(here / before))
                 pairs += 1
             elif here > 0.0 or before > 0.0:
-                total += CLOSED
+                total += CLOSED_ROUGHNESS
                 pairs += 1
             before = here
     return total / pairs
@@ -250,12 +251,12 @@ def _solve_by_multigrid(
     through: Flags | None = None
     # the largest conductance is close to 1, because `prepare_links_in_place` has scaled the conductances
     has_narrow_links = any(
-        ((c > 0) & (c < CONTRIBUTING)).any() for c in (stencil.along, stencil.across)
+        ((c > 0) & (c < CONTRIBUTING_LINK)).any() for c in (stencil.along, stencil.across)
     )
     if has_narrow_links:
         isolated, through = _isolated_nodes(stencil, keep)
     lower_bound = 0.0
-    with closed_in_place(stencil, through, RESOLVED):
+    with closed_in_place(stencil, through, RESOLVED_LINK):
         solution = solve_multigrid(stencil, rtol, limit, isolated, field_rtol, bounded_from)
         potential, error = solution.potential, solution.error
         if isolated is not None:
@@ -284,20 +285,20 @@ def _isolated_nodes(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags 
     """Find isolated nodes, at which multigrid converges slowly or not at all.
 
     An isolated node is connected to the inlet and to the outlet, but each path contains a link with a conductance below
-    `CONTRIBUTING`.
+    `CONTRIBUTING_LINK`.
 
     Returns
     -------
     isolated : flags (n1 − 1, n2) of the isolated inner nodes; None if there are no isolated nodes.
     through : flags (n1 + 1, n2) of the nodes that remain connected to both inlet and outlet if all links with a
-        conductance below `RESOLVED` are closed; None if there are no isolated nodes.
+        conductance below `RESOLVED_LINK` are closed; None if there are no isolated nodes.
     """
     along, across = stencil.along, stencil.across
-    reached_by_wide_links = nodes_reached(along, across, CONTRIBUTING)
+    reached_by_wide_links = nodes_reached(along, across, CONTRIBUTING_LINK)
     isolated = (keep & (reached_by_wide_links == 0))[1:-1]
     if not isolated.any():
         return None, None
-    return isolated, nodes_reached(along, across, RESOLVED) == BOTH_ENDS
+    return isolated, nodes_reached(along, across, RESOLVED_LINK) == BOTH_ENDS
 
 
 class _Statistics(NamedTuple):

@@ -15,21 +15,21 @@ LARGEST_PIXEL_RATIO = 3.5
 #: Approximate number of rows of links that are sampled to estimate the pixel ratio and the contrast of neighbouring
 #: links.
 SAMPLED_ROWS = 64
-#: Multigrid is tried first if there are more than FEWEST exp(GROWTH r) nodes, where r is the mean difference of ln c
-#: between neighbouring links. A pair of an open and a closed link contributes CLOSED to r. On 245 networks of 24² to
-#: 512² nodes (independent links and pixels, contacts, and faces cut by a plane) this choice takes 1.1 times as long on
-#: average as the faster solver.
-FEWEST, GROWTH, CLOSED = 15, 3.5, 4.0
+#: Multigrid is tried first if there are more than SMOOTH_NODES exp(ROUGHNESS_GROWTH r) nodes, where r is the mean
+#: difference of ln c between neighbouring links. A pair of an open and a closed link contributes CLOSED_ROUGHNESS to r.
+#: On 245 networks of 24² to 512² nodes (independent links and pixels, contacts, and faces cut by a plane) this choice
+#: takes 1.1 times as long on average as the faster solver.
+SMOOTH_NODES, ROUGHNESS_GROWTH, CLOSED_ROUGHNESS = 15, 3.5, 4.0
 #: Number of iterations after which multigrid is given up and elimination is used, if elimination is possible.
-PATIENCE = 120
+MULTIGRID_PATIENCE = 120
 #: Largest number of iterations if the caller chose multigrid, or if elimination would need too much memory.
-MOST_ITERATIONS = 600
+MOST_MULTIGRID_ITERATIONS = 600
 #: Links with a conductance below this fraction of the largest conductance hardly contribute to sums of conductances. At
 #: nodes that are only connected by such links, an iteration converges slowly or not at all.
-CONTRIBUTING = 1e-8
+CONTRIBUTING_LINK = 1e-8
 #: Links with a conductance below this fraction of the largest conductance are lost by rounding in sums of conductances,
 #: so that the matrix may become indefinite.
-RESOLVED = 1e-13
+RESOLVED_LINK = 1e-13
 
 # --- sparse matrices, see `sparse` ---
 
