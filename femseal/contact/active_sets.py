@@ -26,6 +26,8 @@ from collections.abc import Callable
 from math import inf, sqrt
 from typing import Any, NamedTuple, Protocol
 
+import numpy as np
+
 from .conjugate_gradients import Directions, StepLimits, conjugate_gradients
 from .descent import Solution, descend
 from .workspace import Loops, Problem, Workspace
@@ -104,10 +106,6 @@ class LawOnGrid(Protocol):
     """What the iteration needs to know of the contact law: a straight line at each point, or tangents of a curve."""
 
     @property
-    def first_delta(self) -> float | None:
-        """First guess of the approach, measured from the offset of the heights [m]; or None."""
-
-    @property
     def evaluate(self) -> Callable[[int, float, float], tuple[Any, ...]]:
         """Compiled loop `projection.evaluate`, or a method with its last three arguments and its return values."""
 
@@ -131,7 +129,6 @@ class LawOnGrid(Protocol):
 class StraightLaw:
     """Linear contact law, which is the same in all iterations."""
 
-    first_delta = None
     can_descend = True
     keeps_directions = True
 
@@ -150,6 +147,7 @@ class _Solver(NamedTuple):
     loops : compiled loops.
     law : contact law.
     limits : limits of the conjugate-gradient steps.
+    rtol : target residual.
     shortest_step : smallest length c [Pa/m] of a projection step.
     """
 
@@ -157,6 +155,7 @@ class _Solver(NamedTuple):
     loops: Loops
     law: LawOnGrid
     limits: StepLimits
+    rtol: float
     shortest_step: float
 
 
@@ -195,9 +194,10 @@ def solve_active_sets(
         loops,
         law,
         limits=_LONG_STEPS if longest_axis >= _LONG else _STEPS,
+        rtol=rtol,
         shortest_step=grid.stiffness / (4 * longest_axis),
     )
-    sets, delta = _initial_sets(solver)
+    sets, delta = _initial_sets(solver, problem)
     gradients = Gradients(step=grid.stiffness)
     evaluation = Evaluation(delta, residual=inf, sets_change=True)
     sets, evaluation = _evaluate(solver, sets, gradients, evaluation)
@@ -279,21 +279,24 @@ def _list_again(solver: _Solver, sets: ActiveSets, reach: float, margin: float) 
     return sets._replace(n_near=n_near, n_free=n_free, reach=reach, margin=margin)
 
 
-def _initial_sets(solver: _Solver) -> tuple[ActiveSets, float]:
+def _initial_sets(solver: _Solver, problem: Problem) -> tuple[ActiveSets, float]:
     """List the points near contact for the initial pressure; return the sets, and a first guess of the approach [m].
 
-    The first guess is the mean of v over the points in contact, unless the contact law supplies one.
+    If the problem has no first guess of the approach, it is the mean of v over the points in contact.
     """
-    product = _multiply(solver, reach=-inf)  # lists the points in contact only
+    grid = solver.grid
     # with a very small load there may be no point in contact on a coarse grid
-    n_contact = max(product.n_near, 1)
-    delta = solver.law.first_delta
-    if delta is None:
-        delta = product.total_v / n_contact
+    n_contact = max(int(np.count_nonzero(grid.points.state)), 1)
     # half of the mean pressure in the contact, converted to a length by the stiffness c₀
-    margin = 0.5 * product.load / (n_contact * solver.grid.stiffness)
-    sets = ActiveSets(product.n_near, product.n_free, reach=-inf, margin=margin)
-    return _list_again(solver, sets, delta + margin, margin), delta
+    margin = 0.5 * problem.load / (n_contact * grid.stiffness)
+    delta = problem.first_delta
+    if delta is None:
+        product = _multiply(solver, reach=-inf)  # lists the points in contact only
+        delta = product.total_v / n_contact
+        sets = ActiveSets(product.n_near, product.n_free, reach=-inf, margin=margin)
+        return _list_again(solver, sets, delta + margin, margin), delta
+    product = _multiply(solver, delta + margin)
+    return ActiveSets(product.n_near, product.n_free, delta + margin, margin), delta
 
 
 def _change_sets(
@@ -329,12 +332,14 @@ def _reduce_energy(
 
     The longest permissible projection step is twice the smallest Rayleigh quotient d·d/(d·Kd) of the directions.
     """
+    # w·r falls about like the squared residual, which need not become smaller than the target residual
+    drop = max(solver.limits.drop, (solver.rtol / evaluation.residual) ** 2)
     result = conjugate_gradients(
         solver.loops,
         sets.n_near,
         sets.n_free,
         evaluation.delta,
-        solver.limits,
+        StepLimits(solver.limits.steps, drop),
         gradients.directions if solver.law.keeps_directions else None,
     )
     longest_step = min(solver.grid.stiffness, sets.damping * 2.0 * result.least_stiffness)

@@ -205,7 +205,7 @@ def _start_from_coarser_grids(curve: _Curve, level: Level, offset: float) -> _St
             del tangents
         else:
             grid.start(pressure, coarse.line.limit)
-            problem = coarse.on_grid(offset)
+            problem = coarse.on_grid(offset, delta)
             delta = solve_active_sets(grid, problem, COARSE_RTOL, COARSE_ITERATIONS).delta
             overlap = (delta - grid.arrays.respond.displacement) / _COARSE_DEPTH
             error = _error_of_line(coarse_curve, coarse.line, grid.pressure, overlap)
@@ -323,7 +323,7 @@ class CurveTangents:
     def solve(self, rtol: float, limit: int) -> Solution:
         """Solve the contact on the grid with `solve_active_sets`, which calls `evaluate` to update the tangents."""
         law = LinearLaw(self._lines.hardness, self._lines.slope)
-        problem = Problem(self._lines.gap0, self.offset, law, self._load)
+        problem = Problem(self._lines.gap0, self.offset, law, self._load, self.first_delta)
         solution = solve_active_sets(self.grid, problem, rtol, limit, self)
         # The gap of a point with a tangent is increased by the depth at which the tangent begins. If such a point is no
         # longer near contact, its gap remains wrong, and the solution is not valid.

@@ -66,14 +66,8 @@ def precondition(first, end, out, scale, points, free, preconditioner):
 
     The results are written to the list `out`.
     """
-    scale = scale[first:end]
-    out = out[first:end]
-    apply_stencil(free.index[first:end], points.dense, out, preconditioner)
-    total = 0.0
-    for k in range(end - first):
-        out[k] *= scale[k]
-        total += out[k]
-    return total
+    index = free.index[first:end]
+    return apply_stencil(index, points.dense, scale[first:end], out[first:end], preconditioner)
 
 
 @fast_leader
@@ -225,8 +219,10 @@ def spread_residual(first, end, mean, points, free, lists):
 
 
 @fast
-def apply_stencil(index, dense, out, preconditioner):
-    """Apply the 3 × 3 stencil to the grid values `dense` at the listed points, and write the results to `out`.
+def apply_stencil(index, dense, scale, out, preconditioner):
+    """Apply the 3 × 3 stencil to the grid values `dense` at the listed points, and multiply the results by `scale`.
+
+    The products are written to `out`. Returns their sum.
 
     Points that follow each other in the interior of a row are processed together by `apply_to_run`. At the border, the
     neighbours of a point are found by the maps `rows` and `columns` of the preconditioner.
@@ -239,6 +235,7 @@ def apply_stencil(index, dense, out, preconditioner):
     columns = preconditioner.columns
     n1 = rows.size - 2  # `rows` and `columns` have an additional entry at both ends
     n2 = columns.size - 2
+    sum_of_all = 0.0
     k = 0
     while k < index.size:
         point = index[k]
@@ -249,7 +246,8 @@ def apply_stencil(index, dense, out, preconditioner):
             length = 1
             while length < most and index[k + length] == point + length:
                 length += 1
-            apply_to_run(point, n2, dense, weights, out[k : k + length])
+            run = slice(k, k + length)
+            sum_of_all += apply_to_run(point, n2, dense, weights, scale[run], out[run])
             k += length
             continue
         total = 0.0
@@ -260,16 +258,18 @@ def apply_stencil(index, dense, out, preconditioner):
                 column = columns[j + b]
                 if row >= 0 and column >= 0:  # −1 is beyond the end of a free axis
                     total += weights[a, b] * dense[row * n2 + column]
-        out[k] = total
+        out[k] = total * scale[k]
+        sum_of_all += out[k]
         k += 1
+    return sum_of_all
 
 
 @fast
-def apply_to_run(point, n2, dense, weights, out):
+def apply_to_run(point, n2, dense, weights, scale, out):
     """Apply the 3 × 3 stencil at `out.size` points that follow each other in the interior of a row.
 
-    The weights are symmetric about both axes. The sums of neighbours with the same weight are in single precision, as
-    the values in `dense` are.
+    The results are multiplied by `scale` and written to `out`. Returns their sum. The weights are symmetric about both
+    axes. Neighbours with the same weight are added in single precision, the precision of the values in `dense`.
 
     point : grid index of the first point.
     n2 : number of points of a row.
@@ -280,10 +280,14 @@ def apply_to_run(point, n2, dense, weights, out):
     above = dense[point - n2 - 1 : point - n2 + n + 1]
     row = dense[point - 1 : point + n + 1]
     below = dense[point + n2 - 1 : point + n2 + n + 1]
+    total = 0.0
     for k in range(n):
-        out[k] = (
+        value = (
             corner * (above[k] + above[k + 2] + below[k] + below[k + 2])
             + above_or_below * (above[k + 1] + below[k + 1])
             + beside * (row[k] + row[k + 2])
             + middle * row[k + 1]
         )
+        out[k] = value * scale[k]
+        total += out[k]
+    return total

@@ -61,13 +61,18 @@ class Level(NamedTuple):
             mean_pressure *= line.capacity / self.line.capacity
         return Level(coarsened(self.gap0), self.half_space.coarser, line, mean_pressure)
 
-    def on_grid(self, offset: float) -> Problem:
-        """Return the data of the problem for `solve_active_sets`; heights are measured from `offset` [m]."""
+    def on_grid(self, offset: float, first_delta: float | None = None) -> Problem:
+        """Return the data of the problem for `solve_active_sets`.
+
+        offset : height [m] from which heights and the approach are measured.
+        first_delta : first guess of the approach [m]; None without a guess.
+        """
         return Problem(
             gap0=self.gap0.ravel(),
             offset=offset,
             law=LinearLaw(self.line.hardness.ravel(), self.line.slope.ravel()),
             load=self.mean_pressure * self.gap0.size,
+            first_delta=first_delta,
         )
 
     def first_guess(self) -> Array:
@@ -98,33 +103,36 @@ def solve_straight_law(level: Level, rtol: float, start: Array | None = None) ->
         return uniform_contact(level, offset, 0.0)
     if level.mean_pressure >= level.line.capacity * (1 - 1e-12):
         return uniform_contact(level, offset, level.line.hardness)
+    delta = None
     if start is None:
-        start = _start_from_coarser_grids(level, offset)
+        start, delta = _start_from_coarser_grids(level, offset)
     grid = workspace(level.half_space)
     grid.start(start, level.line.limit)
-    solution = solve_active_sets(grid, level.on_grid(offset), rtol, MAX_ITERATIONS)
+    solution = solve_active_sets(grid, level.on_grid(offset, delta), rtol, MAX_ITERATIONS)
     check_solution(level, float(grid.pressure.mean()), solution, rtol)
     return make_contact(level, grid, offset, solution)
 
 
-def _start_from_coarser_grids(level: Level, offset: float) -> Array:
+def _start_from_coarser_grids(level: Level, offset: float) -> tuple[Array, float | None]:
     """Solve a contact on all coarser grids, beginning with the coarsest grid.
 
-    Returns the pressure [Pa] on the finest of the coarser grids. If there is none, this is the guess of
-    `Level.first_guess` on the given grid.
+    Returns the pressure [Pa] on the finest of the coarser grids, and the approach [m] measured from `offset`. If there
+    is no coarser grid, the pressure is the guess of `Level.first_guess` on the given grid, and the approach is None.
     """
     levels = [level]
     while max(levels[-1].half_space.shape) > COARSEST:
         levels.append(levels[-1].coarser())
     start = levels[-1].first_guess()
+    delta = None
     while len(levels) > 1:
         coarse = levels.pop()
         grid = workspace(coarse.half_space, level.half_space)
         grid.start(start, coarse.line.limit)
-        solve_active_sets(grid, coarse.on_grid(offset), COARSE_RTOL, COARSE_ITERATIONS)
+        problem = coarse.on_grid(offset, delta)
+        delta = solve_active_sets(grid, problem, COARSE_RTOL, COARSE_ITERATIONS).delta
         start = grid.pressure
         del grid, coarse  # release their memory before the next grid is created
-    return start
+    return start, delta
 
 
 def uniform_contact(level: Level, offset: float, pressure: float | Array) -> Contact:

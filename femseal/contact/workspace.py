@@ -61,12 +61,14 @@ class Problem(NamedTuple):
     offset : height [m] that is subtracted from h₁ and from the approach, to reduce rounding errors.
     law : hardness and hardening modulus of each point.
     load : required sum of the pressures of all points [Pa].
+    first_delta : first guess of the approach [m], measured from `offset`; None without a guess.
     """
 
     gap0: Array
     offset: float
     law: LinearLaw
     load: float
+    first_delta: float | None = None
 
 
 def workspace(half_space: HalfSpace, finest: HalfSpace | None = None) -> Workspace:
