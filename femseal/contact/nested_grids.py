@@ -27,8 +27,9 @@ COARSE_RTOL = 1e-2
 COARSE_ITERATIONS = 40
 MAX_ITERATIONS = 400
 #: Largest number of points along the longer side of the coarsest grid. On a finer grid, a few steps could not
-#: redistribute the pressure from one end of a long strip to the other.
-COARSEST = 48
+#: redistribute the pressure from one end of a long strip to the other. Compared with a limit of 48 points, contacts on
+#: 64² points take 0.7 to 0.9 of the time, those on 128² points 0.85 to 1.0, and those on 256² points 0.95 to 1.0.
+COARSEST = 96
 #: Largest accepted relative error of the load.
 _LOAD_TOLERANCE = 1e-9
 
