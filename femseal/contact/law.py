@@ -200,11 +200,11 @@ class ContactLaw:
             return digest(self)
         except NoDigest:
             # the class is not part of femseal or of an installed package; the law is then only equal to itself
-            return f"{type(self).__qualname__} {id(self)}"
+            return self._unique_key
 
     @cached_property
     def _unique_key(self) -> str:
-        """Text that no other law has."""
+        """Text that no other law has, not even a law that takes the place of this one in memory."""
         return f"{type(self).__qualname__} {uuid4()}"
 
     def __str__(self) -> str:
