@@ -118,7 +118,10 @@ REORDERED: dict[str, Any] = {
     "error_model": "numpy",
     "fastmath": {"reassoc", "contract", "arcp", "nsz"},
 }
-_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "no_cfunc_wrapper": True}
+#: Options of all functions. If two functions have the same options, they share the functions of NumPy that they call,
+#: which would otherwise be compiled for each of them.
+_COMMON: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True}
+_OPTIONS: dict[str, Any] = {"cache": True, **_COMMON}
 
 
 def compiled(**options: Any) -> Callable[[Any], Any]:
@@ -133,6 +136,14 @@ def inner(**options: Any) -> Callable[[Any], Any]:
     Never call the decorated function from Python: the call would crash the interpreter.
     """
     return compiled(no_cpython_wrapper=True, **options)
+
+
+def inlined(**options: Any) -> Callable[[Any], Any]:
+    """Return a decorator for a function that becomes a part of the compiled functions that call it.
+
+    It is not compiled for itself, which takes less time if it has only one or two callers. Python must not call it.
+    """
+    return inner(inline="always", **options)
 
 
 #: Entry points of compiled functions, see `entry_point`.
@@ -161,7 +172,7 @@ def leader(**options: Any) -> Callable[[Any], Any]:
     If Python calls the decorated function, it runs in the interpreter, and the compiled functions divide their work
     between threads. If compiled code calls the decorated function, Numba compiles it as a part of this code.
     """
-    decorator: Callable[[Any], Any] = register_jitable(**options)
+    decorator: Callable[[Any], Any] = register_jitable(**_COMMON, **options)
     return decorator
 
 
@@ -252,7 +263,9 @@ def _compile_calls(
     source = f"def {call}:\n    return loop({items}, {', '.join(_loop_arguments(loop))})"
     names = {"__name__": loop.__module__, "loop": njit(inline="always")(loop)}
     exec(source, names)
-    overload(function, strict=False, jit_options=options)(lambda *_: names["run_once"])
+    overload(function, strict=False, jit_options={**_COMMON, **options})(
+        lambda *_: names["run_once"]
+    )
 
 
 def summed(values: list[Any]) -> Any:

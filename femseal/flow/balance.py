@@ -12,7 +12,7 @@ from math import frexp
 
 import numpy as np
 
-from ..base.compiled import compiled, inner
+from ..base.compiled import compiled, inlined
 from .percolation import union
 
 #: Largest binary exponent of a number in double precision.
@@ -88,7 +88,7 @@ def _send(tail, head, exponent, excess):
     return links_xor
 
 
-@inner()
+@inlined()
 def spanning_tree(tail, head, exponent, nodes):
     """Find the spanning tree of the links with the largest conductances (Kruskal's algorithm).
 
@@ -107,7 +107,9 @@ def spanning_tree(tail, head, exponent, nodes):
     """
     degree = np.zeros(nodes, np.int32)
     links_xor = np.zeros(nodes, np.int32)
-    parent = np.arange(nodes).astype(np.int32)
+    parent = np.empty(nodes, np.int32)
+    for node in range(nodes):
+        parent[node] = node
     for k in _widest_first(exponent):
         if union(parent, tail[k], head[k]):
             for node in (tail[k], head[k]):
@@ -116,7 +118,7 @@ def spanning_tree(tail, head, exponent, nodes):
     return degree, links_xor
 
 
-@inner()
+@inlined()
 def _widest_first(exponent):
     """Return the numbers of the open links in the order of falling binary exponents of the conductance.
 
@@ -128,7 +130,8 @@ def _widest_first(exponent):
     for e in exponent:
         if e != _CLOSED:
             position[_LARGEST - e + 1] += 1
-    position = np.cumsum(position)
+    for slot in range(_EXPONENTS):
+        position[slot + 1] += position[slot]
     order = np.empty(position[-1], np.int32)
     for k in range(exponent.size):
         if exponent[k] != _CLOSED:

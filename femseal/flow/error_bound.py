@@ -18,7 +18,7 @@ from math import frexp
 import numpy as np
 
 from ..base import Array
-from ..base.compiled import compiled, inner
+from ..base.compiled import compiled, inlined, inner
 from .balance import spanning_tree
 from .grid import Stencil
 
@@ -73,7 +73,7 @@ def error_bound(along, across, φ, ψ, ignored):
     return correction / energy if energy > 0.0 else np.nan
 
 
-@inner()
+@inlined()
 def _excess(along, across, φ, ψ):
     """Compute the excess of each inner node, that is, inflow less outflow, and the energy of the potential.
 
@@ -106,7 +106,7 @@ def _excess(along, across, φ, ψ):
     return excess, energy
 
 
-@inner()
+@inlined()
 def _runs(along, across):
     """Divide the inner nodes of each row into runs, see the docstring of the module.
 
@@ -147,7 +147,7 @@ def _runs(along, across):
     return run, first, count + 1
 
 
-@inner()
+@inlined()
 def _joints(along, across, run):
     """Find the joints: the links through which the spanning tree may connect two runs.
 
@@ -204,7 +204,7 @@ def _joints(along, across, run):
     return above[:count], below[:count], link[:count], exponent[:count]
 
 
-@inner()
+@inlined()
 def _correction_energy(along, across, excess):
     """Send the excess of all nodes along a spanning tree of runs to the inlet or the outlet.
 
@@ -229,7 +229,7 @@ def _correction_energy(along, across, excess):
     return energy
 
 
-@inner()
+@inlined()
 def _send_excess(along, across, run, first, link, excess, number):
     """Send the excess of a run through a link to the parent of the run in the tree.
 

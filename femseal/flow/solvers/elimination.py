@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from ...base import Array, Flags, Indices
-from ...base.compiled import compiled, inner
+from ...base.compiled import compiled, inlined, inner
 from ..grid import Stencil
 
 #: Boxes with at most this number of nodes are not divided any further.
@@ -292,7 +292,7 @@ def _eliminate_fronts(first, parent, later, conductance):
     return between_ends, *_potentials(first, eliminated, borders, inverse)
 
 
-@inner()
+@inlined()
 def _list_linked(f, start, end, later, conductance, last_front, listed):
     """List the positions of later nodes that are linked to front f, and return their number.
 
@@ -312,7 +312,7 @@ def _list_linked(f, start, end, later, conductance, last_front, listed):
     return q
 
 
-@inner()
+@inlined()
 def _list_border(f, end, border, last_front, listed, q):
     """Append later nodes in the border of a child of front f to `listed`, and return the new number of positions.
 
@@ -327,7 +327,7 @@ def _list_border(f, end, border, last_front, listed, q):
     return q
 
 
-@inner()
+@inlined()
 def _add_child(block, child_columns, front, fill_in):
     """Add the fill-in of a child, array `block`, to the links of its parent, the arrays `front` and `fill_in`.
 
@@ -346,7 +346,7 @@ def _add_child(block, child_columns, front, fill_in):
                 fill_in[here - p, child_columns[j] - p] += block[i, j]
 
 
-@inner()
+@inlined()
 def _sort(values):
     """Sort positions by insertion.
 
@@ -362,7 +362,7 @@ def _sort(values):
         values[i] = value
 
 
-@inner(**_fast)
+@inlined(**_fast)
 def _eliminate_front(front, fill_in, inverse):
     """Eliminate the nodes of a front, and add the new links between nodes of the border to `fill_in`.
 
@@ -410,7 +410,7 @@ def _eliminate_front(front, fill_in, inverse):
                 fill_in[j, k] += fraction * front[i, p + k] + fraction2 * front[i2, p + k]
 
 
-@inner(**_fast)
+@inlined(**_fast)
 def _potentials(first, eliminated, borders, inverse):
     """Compute the potential v, which is 1 at the inlet and 0 at the outlet, and the potential w = 1 − v.
 

@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...base import Indices, Singles
-from ...base.compiled import REORDERED, by_rows, compiled, inner, leader
+from ...base.compiled import REORDERED, by_rows, compiled, inlined, leader
 
 #: Coarsening ends if an axis has at most this number of nodes.
 COARSEST_SIDE = 4
@@ -196,7 +196,7 @@ def solve_coarsest(coarsest, b, ring, x):
             x[i + 1, 0], x[i + 1, n2 + 1] = x[i + 1, n2], x[i + 1, 1]
 
 
-@inner(**REORDERED)
+@inlined(**REORDERED)
 def wrap_row(row):
     """Continue a row of a ring periodically: copy the last node to the left border, and the first node to the right."""
     row[0], row[-1] = row[-2], row[1]
@@ -225,7 +225,7 @@ def _five_point_operator(first, end, centre, right, below, along, across, ring):
             wrap_row(below[i])
 
 
-@inner(**REORDERED)
+@inlined(**REORDERED)
 def _fraction(part, total):
     """Return part / total if both numbers are positive, otherwise 0."""
     return part / total if part > 0.0 and total > 0.0 else 0.0
@@ -328,7 +328,7 @@ def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
             _wrap_weights(w, bottom, 0)
 
 
-@inner(**REORDERED)
+@inlined(**REORDERED)
 def _wrap_weights(w, i, fine_row):
     """Copy the weights of the coarse nodes in row i of a ring to the border at the opposite side.
 
