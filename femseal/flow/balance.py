@@ -61,8 +61,8 @@ def balance(tail, head, conductance, flux, nodes):
 def _send(tail, head, exponent, excess):
     """Send the excess of all nodes to node 0 along a spanning tree.
 
-    The tree consists of the links with the largest conductances (Kruskal's algorithm). Excess therefore passes through
-    a link with a small conductance only if there is no other path to node 0.
+    The tree consists of the links with the largest conductances. Excess therefore passes through a link with a small
+    conductance only if there is no other path to node 0.
 
     excess : array (nodes,), excess of each node; on return, the flux from each node to the parent of the node in the
         tree.
@@ -71,26 +71,17 @@ def _send(tail, head, exponent, excess):
     -------
     Array (nodes,), number of the link from each node to its parent.
     """
-    nodes = excess.size
-    degree, links_xor = spanning_tree(tail, head, exponent, nodes)
-    # Remove the leaves of the tree one after another. A leaf has a single remaining link, and `links_xor` of the leaf
-    # is the number of this link. The number remains in `links_xor` after the leaf is removed.
-    for leaf in range(1, nodes):
-        node = np.int64(leaf)
-        while node != 0 and degree[node] == 1:
-            k = links_xor[node]
-            parent = np.int64(tail[k]) + head[k] - node  # the other node of the link
-            excess[parent] += excess[node]
-            degree[node] = 0
-            degree[parent] -= 1
-            links_xor[parent] ^= k  # removes link k from the links of the parent
-            node = parent  # the parent may have become a leaf
-    return links_xor
+    order, link = spanning_tree(tail, head, exponent, excess.size)
+    for node in order:
+        k = link[node]
+        parent = np.int64(tail[k]) + head[k] - node  # the other node of the link
+        excess[parent] += excess[node]
+    return link
 
 
 @inlined()
 def spanning_tree(tail, head, exponent, nodes):
-    """Find the spanning tree of the links with the largest conductances (Kruskal's algorithm).
+    """Find the spanning tree of the links with the largest conductances (Kruskal's algorithm), with node 0 as its root.
 
     Parameters
     ----------
@@ -100,22 +91,34 @@ def spanning_tree(tail, head, exponent, nodes):
 
     Returns
     -------
-    degree : array (nodes,), number of links of the tree at each node.
-    links_xor : array (nodes,), bitwise exclusive or (XOR) of the numbers of all links of the tree at each node. At a
-        leaf, which is a node with a single link, `links_xor` is the number of the link. To remove link k from the tree,
-        replace the values v of the two nodes of the link by v XOR k.
+    order : the nodes that the tree connects to node 0, without node 0; each node comes before its parent.
+    link : array (nodes,), number of the link from each node in `order` to its parent.
     """
     degree = np.zeros(nodes, np.int32)
-    links_xor = np.zeros(nodes, np.int32)
-    parent = np.empty(nodes, np.int32)
-    for node in range(nodes):
-        parent[node] = node
+    # Bitwise exclusive or (XOR) of the numbers of all links of the tree at each node. At a leaf, which is a node with a
+    # single link, it is the number of this link.
+    link = np.zeros(nodes, np.int32)
+    ancestor = np.arange(nodes).astype(np.int32)
     for k in _widest_first(exponent):
-        if union(parent, tail[k], head[k]):
+        if union(ancestor, tail[k], head[k]):
             for node in (tail[k], head[k]):
                 degree[node] += 1
-                links_xor[node] ^= k
-    return degree, links_xor
+                link[node] ^= k
+    # Remove the leaves of the tree one after another. The number of the last link of a leaf remains in `link`.
+    order = np.empty(nodes, np.int32)
+    count = 0
+    for leaf in range(1, nodes):
+        node = np.int64(leaf)
+        while node != 0 and degree[node] == 1:
+            order[count] = node
+            count += 1
+            k = link[node]
+            parent = np.int64(tail[k]) + head[k] - node  # the other node of the link
+            degree[node] = 0
+            degree[parent] -= 1
+            link[parent] ^= k  # removes link k from the links of the parent
+            node = parent  # the parent may have become a leaf
+    return order[:count], link
 
 
 @inlined()

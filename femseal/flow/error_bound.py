@@ -8,22 +8,43 @@ with large conductances. The energy of the correcting flux is a bound of the err
 To save time, the spanning tree connects *runs* of nodes and not single nodes. A run is a sequence of neighbouring nodes
 in the same row of the grid. Two runs of the same row are separated by a narrow link, that is, a link with a small
 conductance. The excess of all nodes of a run is collected at one of them, and then sent through a link to the parent of
-the run in the tree. Computing the bound takes about as long as a few multigrid iterations.
+the run in the tree. Finding the tree takes about as long as a multigrid iteration. If the error of several potentials
+of the same network is bounded, the tree is used again.
 """
 
 from __future__ import annotations
 
 from math import frexp
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base import Array
-from ..base.compiled import compiled, inlined, inner
+from ..base.compiled import REORDERED, compiled, inlined, inner, leader
 from .balance import spanning_tree
 from .grid import Stencil
 
 #: A run of nodes ends at a link whose conductance is below this fraction of the largest conductance within the run.
 _NARROW = 1 / 64
+
+
+class Drainage(NamedTuple):
+    """Spanning tree of the runs of a network, through which the excess of all nodes is sent to the inlet or the outlet.
+
+    The arrays have one entry for each run; each run comes before its parent. Inner nodes are numbered row by row.
+
+    first, last : first node and last node of the run.
+    exit_node : node of the run from which the excess leaves to the parent.
+    parent_node : node of the parent that receives the excess; −1 for the inlet or the outlet.
+    conductance : conductance of the link between `exit_node` and `parent_node`.
+    """
+
+    first: NDArray[np.int32]
+    last: NDArray[np.int32]
+    exit_node: NDArray[np.int32]
+    parent_node: NDArray[np.int32]
+    conductance: Array
 
 
 def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
@@ -38,8 +59,10 @@ def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
     -------
     float : upper bound of the relative error; NaN if nothing flows.
     """
-    none_ignored = np.zeros((0, 0), np.bool_)
-    return float(error_bound(stencil.along, stencil.across, potential, complement, none_ignored))
+    along, across = stencil.along, stencil.across
+    excess, energy = excess_and_energy(along, across, potential, complement)
+    correction = correction_energy(across, find_drainage(along, across), excess)
+    return float(correction / energy) if energy > 0.0 else np.nan
 
 
 @inner()
@@ -58,26 +81,12 @@ def potential_drop(φ, ψ, i, j, a, b):
 
 
 @compiled()
-def error_bound(along, across, φ, ψ, ignored):
-    """Compute the upper bound of the relative error of the energy, see `energy_gap`.
-
-    φ, ψ : arrays (n1 + 1, n2), potential φ and complement ψ = 1 − φ at the nodes.
-    ignored : flags (n1 − 1, n2) of the inner nodes whose excess is set to 0; an empty array if there are no such nodes.
-    """
-    excess, energy = _excess(along, across, φ, ψ)
-    is_ignored = ignored.ravel()
-    for node in range(is_ignored.size):
-        if is_ignored[node]:
-            excess[node] = 0.0
-    correction = _correction_energy(along, across, excess)
-    return correction / energy if energy > 0.0 else np.nan
-
-
-@inlined()
-def _excess(along, across, φ, ψ):
+def excess_and_energy(along, across, φ, ψ):
     """Compute the excess of each inner node, that is, inflow less outflow, and the energy of the potential.
 
     Inner nodes are numbered row by row. Row i of the inner nodes is row i + 1 of φ, because row 0 of φ is the inlet.
+
+    φ, ψ : arrays (n1 + 1, n2), potential φ and complement ψ = 1 − φ at the nodes.
 
     Returns
     -------
@@ -115,7 +124,7 @@ def _runs(along, across):
     run : array (n1 − 1, n2), number of the run to which each inner node belongs. Runs are numbered from 1; closed nodes
         have the number 0.
     first : array, number of the first node of each run. Inner nodes are numbered row by row.
-    size : number of runs plus 1, because run 0 represents the inlet and the outlet.
+    runs : number of runs plus 1, because run 0 represents the inlet and the outlet.
     """
     n1, n2 = along.shape[0] - 1, along.shape[1]
     m2 = across.shape[1]
@@ -148,13 +157,15 @@ def _runs(along, across):
 
 
 @inlined()
-def _joints(along, across, run):
+def _joints(along, across, run, first, runs):
     """Find the joints: the links through which the spanning tree may connect two runs.
 
     The joint of two runs in adjacent rows is the link with the largest conductance between the two runs. Two adjacent
     runs in the same row are joined by the narrow link that separates them. Run 0 represents the inlet and the outlet.
     For an array `along` of the shape (n1, n2), link (i, j) of `along` has the number i n2 + j. Link (i, j) of `across`
     has the number n1 n2 + i n2 + j.
+
+    run, first, runs : results of `_runs`.
 
     Returns
     -------
@@ -167,7 +178,6 @@ def _joints(along, across, run):
     above = np.empty(most, np.int32)
     below = np.empty(most, np.int32)
     link = np.empty(most, np.int32)
-    exponent = np.empty(most, np.int16)
     count = 0
     # links between two rows of nodes
     for i in range(n1):
@@ -185,101 +195,114 @@ def _joints(along, across, run):
                 if conductance > largest:
                     largest = conductance
                     link[count - 1] = i * n2 + j
-                    exponent[count - 1] = frexp(conductance)[1]
                 continue
             last_above, last_below = run_above, run_below
             largest = conductance
             above[count], below[count], link[count] = run_above, run_below, i * n2 + j
-            exponent[count] = frexp(conductance)[1]
             count += 1
-    # links between two runs of the same row
-    for i in range(n1 - 1):
-        for j in range(across.shape[1]):
-            run_left = run[i, j]
-            run_right = run[i, (j + 1) % n2]
-            if across[i, j] > 0.0 and run_left != run_right:
-                above[count], below[count], link[count] = run_left, run_right, n1 * n2 + i * n2 + j
-                exponent[count] = frexp(across[i, j])[1]
+    # links between two runs of the same row: the link on the left of the first node of a run, and the seam of a ring
+    for k in range(1, runs):
+        i, j = first[k] // n2, first[k] % n2
+        if j > 0 and across[i, j - 1] > 0.0:
+            above[count], below[count], link[count] = k - 1, k, n1 * n2 + i * n2 + j - 1
+            count += 1
+    if across.shape[1] == n2:
+        for i in range(n1 - 1):
+            if across[i, n2 - 1] > 0.0 and run[i, n2 - 1] != run[i, 0]:
+                above[count], below[count] = run[i, n2 - 1], run[i, 0]
+                link[count] = n1 * n2 + i * n2 + n2 - 1
                 count += 1
-    return above[:count], below[:count], link[:count], exponent[:count]
+    exponent = np.empty(count, np.int16)
+    for k in range(count):
+        exponent[k] = frexp(_conductance(along, across, link[k])[0])[1]
+    return above[:count], below[:count], link[:count], exponent
 
 
-@inlined()
-def _correction_energy(along, across, excess):
-    """Send the excess of all nodes along a spanning tree of runs to the inlet or the outlet.
+@inner()
+def _conductance(along, across, link):
+    """Return the conductance of a link, whether the link is one of `along`, and its row and column in the array.
 
-    Returns the energy of the flux that carries the excess.
+    link : number of the link, counted as in `_joints`.
     """
-    run, first, runs = _runs(along, across)
-    above, below, link, exponent = _joints(along, across, run)
-    degree, joints_xor = spanning_tree(above, below, exponent, runs)
-    energy = 0.0
-    # Remove the leaves of the tree one after another. A leaf has a single remaining joint, so that the exclusive or of
-    # the numbers of its joints is the number of this joint, see `spanning_tree`.
-    for leaf in range(1, runs):
-        number = np.int64(leaf)  # of the run
-        while number != 0 and degree[number] == 1:
-            k = joints_xor[number]
-            parent = np.int64(above[k]) + below[k] - number  # the other run of the joint
-            energy += _send_excess(along, across, run, first[number], link[k], excess, number)
-            degree[number] = 0
-            degree[parent] -= 1
-            joints_xor[parent] ^= k  # removes joint k from the joints of the parent
-            number = parent  # the parent may have become a leaf
-    return energy
-
-
-@inlined()
-def _send_excess(along, across, run, first, link, excess, number):
-    """Send the excess of a run through a link to the parent of the run in the tree.
-
-    Returns the energy Σ q²/c of the fluxes q in the links, which have the conductances c.
-
-    first : number of the first node of the run.
-    link : number of the link to the parent, counted as in `_joints`.
-    number : number of the run.
-    """
-    # Part 1: find the two nodes of the link, and its conductance. Inner nodes are numbered row by row.
     n1, n2 = along.shape
+    is_along = link < n1 * n2
+    i = link // n2 if is_along else (link - n1 * n2) // n2
+    j = link % n2
+    return (along[i, j] if is_along else across[i, j]), is_along, i, j
+
+
+@compiled()
+def find_drainage(along, across):
+    """Find a spanning tree of runs through which the excess of all nodes can be sent."""
+    n1, n2 = along.shape
+    run, first_node, runs = _runs(along, across)
+    above, below, link, exponent = _joints(along, across, run, first_node, runs)
+    order, joint = spanning_tree(above, below, exponent, runs)
     run_of_node = run.reshape(-1)
-    i = first // n2  # row of the run
-    row_end = (i + 1) * n2  # number of the node after the last node of this row
-    # the link leads from `exit_node` of this run to `parent_node` of its parent
-    is_along = link < n1 * n2  # otherwise it is a link of `across`
-    if is_along:
-        link_row = link // n2
-        j = link % n2
-        conductance = along[link_row, j]
-        exit_node = i * n2 + j
-        # row i of `along` contains the links above the inner nodes of row i, and row i + 1 the links below these nodes
-        parent_node = exit_node - n2 if link_row == i else exit_node + n2
-        if link_row == 0 or link_row == n1 - 1:
-            parent_node = -1  # inlet or outlet, whose excess is not stored
-    else:
-        j = (link - n1 * n2) % n2
-        conductance = across[i, j]
-        exit_node = i * n2 + j
-        parent_node = i * n2 + (j + 1) % n2
-        if run_of_node[exit_node] != number:
-            exit_node, parent_node = parent_node, exit_node
-    # Part 2: send the excess, and add up the energies q²/c of the fluxes q. The excess of the nodes on the left of
-    # `exit_node` is sent to the right, from node k to node k + 1, through the links of the row.
+    first = np.empty(order.size, np.int32)
+    last = np.empty_like(first)
+    exit_node = np.empty_like(first)
+    parent_node = np.empty_like(first)
+    conductance = np.empty(order.size)
+    for k in range(order.size):
+        number = order[k]
+        node = np.int64(first_node[number])
+        i = node // n2  # row of the run
+        first[k] = node
+        row_end = (i + 1) * n2  # number of the node after the last node of this row
+        while node + 1 < row_end and run_of_node[node + 1] == number:
+            node += 1
+        last[k] = node
+        conductance[k], is_along, row, j = _conductance(along, across, link[joint[number]])
+        if is_along:
+            # row i of `along` contains the links above the inner nodes of row i, and row i + 1 the links below
+            exit_node[k] = i * n2 + j
+            parent_node[k] = exit_node[k] - n2 if row == i else exit_node[k] + n2
+            if row == 0 or row == n1 - 1:
+                parent_node[k] = -1  # inlet or outlet, whose excess is not stored
+        else:
+            left, right = i * n2 + j, i * n2 + (j + 1) % n2
+            is_left = run_of_node[left] == number
+            exit_node[k], parent_node[k] = (left, right) if is_left else (right, left)
+    return Drainage(first, last, exit_node, parent_node, conductance)
+
+
+@leader(**REORDERED)
+def no_drainage():
+    """Return a drainage without runs, as long as no drainage has been found."""
+    none = np.empty(0, np.int32)
+    return Drainage(none, none, none, none, np.empty(0))
+
+
+@compiled()
+def correction_energy(across, drainage, excess):
+    """Send the excess of all nodes through the drainage to the inlet or the outlet.
+
+    excess : excess of the inner nodes, numbered row by row; the array is overwritten.
+
+    Returns the energy Σ q²/c of the fluxes q that carry the excess through links with the conductances c.
+    """
+    n2 = excess.size // across.shape[0]
     energy = 0.0
-    total = 0.0
-    for k in range(first, exit_node):
-        total += excess[k]
-        energy += total**2 / across[i, k - i * n2]
-    # the excess of the nodes on the right of `exit_node` is sent to the left, beginning at the last node of the run
-    last = exit_node
-    while last + 1 < row_end and run_of_node[last + 1] == number:
-        last += 1
-    from_right = 0.0
-    for k in range(last, exit_node, -1):
-        from_right += excess[k]
-        energy += from_right**2 / across[i, k - 1 - i * n2]
-    # finally, the sum is sent through the link to the parent
-    total += from_right + excess[exit_node]
-    energy += total**2 / conductance
-    if parent_node >= 0:
-        excess[parent_node] += total
+    for k in range(drainage.first.size):
+        first, last = np.int64(drainage.first[k]), np.int64(drainage.last[k])
+        exit_node, parent_node = np.int64(drainage.exit_node[k]), np.int64(drainage.parent_node[k])
+        row = first // n2
+        to_right = across[row]  # conductance of the link from each node of the row to the next node
+        start = row * n2  # first node of the row
+        # the excess of the nodes on the left of `exit_node` is sent to the right, from node to node
+        from_left = 0.0
+        for node in range(first, exit_node):
+            from_left += excess[node]
+            energy += from_left**2 / to_right[node - start]
+        # the excess of the nodes on the right of `exit_node` is sent to the left, beginning at the last node
+        from_right = 0.0
+        for node in range(last, exit_node, -1):
+            from_right += excess[node]
+            energy += from_right**2 / to_right[node - 1 - start]
+        # finally, the sum is sent through the link to the parent
+        total = from_left + from_right + excess[exit_node]
+        energy += total**2 / drainage.conductance[k]
+        if parent_node >= 0:
+            excess[parent_node] += total
     return energy

@@ -98,7 +98,8 @@ def test_links_lost_in_sums_that_carry_flow(seed):
     exact = solve_links(c1, c2, solver="elimination").conductance
     loose = solve_links(c1, c2, rtol=0.02, solver="multigrid")
     assert 1e-4 < loose.residual**2 <= 0.02
-    assert_allclose(loose.conductance, exact, rtol=1e-6)
+    # the iteration itself leaves a smaller error than the lost links
+    assert_allclose(loose.conductance, exact, rtol=1e-4)
     with pytest.raises(NotConverged, match=r"too narrow for multigrid|inlet and outlet differ"):
         solve_links(c1, c2, rtol=1e-9, solver="multigrid")
 

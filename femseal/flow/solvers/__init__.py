@@ -15,8 +15,8 @@
      multigrid.py       elimination.py                        amg.py            direct.py
      hierarchy.py       (star-mesh)                           (pyamg)           (SuperLU)
 
-**What "auto" chooses.** The first line that applies decides. All numbers are in `thresholds`, except COARSEST_NODES and
-BOUNDED_FROM, which are in `multigrid`.
+**What "auto" chooses.** The first line that applies decides. All numbers are in `thresholds`, except
+COARSEST_NODES, which is in `multigrid`.
 
 =============  =============================================================  ===================================
 operator       condition                                                      solver
@@ -41,5 +41,5 @@ picture raises `InputError`. There is one exception: on long pixels, "multigrid"
 rigorous error bound would reject up to half of such flows. `DarcyFlow.solver` names the solver that was used.
 
 **Multigrid and narrow links.** Links below RESOLVED_LINK are left out, and nodes that are only connected by links below
-CONTRIBUTING_LINK are eliminated afterwards. The error of multigrid is bounded rigorously after BOUNDED_FROM iterations.
+CONTRIBUTING_LINK are eliminated afterwards. The error of multigrid is bounded rigorously.
 """

@@ -8,13 +8,13 @@ outlet, the flow is exactly 0.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import exp, inf, ldexp, log, log2, sqrt
+from math import exp, inf, isfinite, ldexp, log, log2, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from ...base import Array, Flags, NotConverged, validate
-from ...base.compiled import compiled
+from ...base.compiled import REORDERED, compiled
 from ..grid import Stencil
 from ..percolation import (
     BOTH_ENDS,
@@ -25,7 +25,7 @@ from ..percolation import (
 )
 from ..problem import FAST_SOLVERS, MAX_IMBALANCE, DarcyFlow, check_solver
 from .elimination import eliminate
-from .multigrid import BOUNDED_FROM, COARSEST_NODES, coarsest_nodes, solve_multigrid
+from .multigrid import COARSEST_NODES, coarsest_nodes, solve_multigrid
 from .thresholds import (
     CLOSED_ROUGHNESS,
     CONTRIBUTING_LINK,
@@ -154,10 +154,8 @@ def _solve(
     if has_long_pixels and can_eliminate:
         return _solve_by_elimination(stencil, keep)
     limit = MULTIGRID_PATIENCE if solver == "auto" and can_eliminate else MOST_MULTIGRID_ITERATIONS
-    # on long pixels the estimate of the error cannot be trusted, so that the error is bounded from the beginning
-    bounded_from = 0 if has_long_pixels else BOUNDED_FROM
     try:
-        return _solve_by_multigrid(stencil, keep, rtol, limit, field_rtol, bounded_from)
+        return _solve_by_multigrid(stencil, keep, rtol, limit, field_rtol)
     except NotConverged:
         if solver == "multigrid":
             raise
@@ -207,13 +205,31 @@ def _pixel_ratio(stencil: Stencil) -> float:
     The geometric means are computed from a sample of the rows of links.
     """
     step = max(1, len(stencil.along) // SAMPLED_ROWS)
-    means = []
-    for links in (stencil.along[::step], stencil.across[::step]):
-        is_open = links[links > 0]
-        if not is_open.size:
-            return 1.0
-        means.append(float(np.log(is_open).mean()))
-    return exp(abs(means[0] - means[1]) / 2)
+    difference = _mean_logarithm(stencil.along, step) - _mean_logarithm(stencil.across, step)
+    return exp(abs(difference) / 2) if isfinite(difference) else 1.0
+
+
+@compiled(**REORDERED)
+def _mean_logarithm(links, step):
+    """Compute the mean of ln c over the open links of every `step`-th row; NaN if there are no open links."""
+    total, count = 0.0, 0
+    for i in range(0, links.shape[0], step):
+        for j in range(links.shape[1]):
+            if links[i, j] > 0.0:
+                total += np.log(links[i, j])
+                count += 1
+    return total / count if count > 0 else np.nan
+
+
+@compiled(**REORDERED)
+def _smallest_open(links):
+    """Return the smallest conductance of the open links; infinity if there are no open links."""
+    smallest = np.inf
+    for i in range(links.shape[0]):
+        for j in range(links.shape[1]):
+            if 0.0 < links[i, j] < smallest:
+                smallest = links[i, j]
+    return smallest
 
 
 def _solve_by_elimination(stencil: Stencil, keep: Flags) -> DarcyFlow:
@@ -234,7 +250,6 @@ def _solve_by_multigrid(
     rtol: float,
     limit: int,
     field_rtol: float | None,
-    bounded_from: int,
 ) -> DarcyFlow:
     """Solve the flow by multigrid, and then by elimination at isolated nodes, see `_isolated_nodes`.
 
@@ -244,20 +259,20 @@ def _solve_by_multigrid(
     of the flow is at most the difference between the lower bound and the upper bound.
 
     limit : largest number of iterations.
-    bounded_from : number of iterations after which the error is bounded rigorously, see `solve_multigrid`.
     """
-    # isolated nodes, and nodes whose links remain open for multigrid; None if multigrid can solve all nodes
+    # isolated nodes; None if multigrid can solve all nodes
     isolated: Flags | None = None
+    # nodes that remain connected to inlet and outlet if links below `RESOLVED_LINK` are closed; None to close no links
     through: Flags | None = None
     # the largest conductance is close to 1, because `prepare_links_in_place` has scaled the conductances
-    has_narrow_links = any(
-        ((c > 0) & (c < CONTRIBUTING_LINK)).any() for c in (stencil.along, stencil.across)
-    )
-    if has_narrow_links:
-        isolated, through = _isolated_nodes(stencil, keep)
+    smallest = min(_smallest_open(stencil.along), _smallest_open(stencil.across))
+    if smallest < CONTRIBUTING_LINK:
+        isolated = _isolated_nodes(stencil, keep)
+    if isolated is not None and smallest < RESOLVED_LINK:
+        through = nodes_reached(stencil.along, stencil.across, RESOLVED_LINK) == BOTH_ENDS
     lower_bound = 0.0
     with closed_in_place(stencil, through, RESOLVED_LINK):
-        solution = solve_multigrid(stencil, rtol, limit, isolated, field_rtol, bounded_from)
+        solution = solve_multigrid(stencil, rtol, limit, isolated, field_rtol)
         potential, error = solution.potential, solution.error
         if isolated is not None:
             # lower bound of the exact energy of the network without the very narrow links
@@ -281,7 +296,7 @@ def _solve_by_multigrid(
     return replace(flow, residual=float(max(error, np.sqrt(max(bound_gap, 0.0)))))
 
 
-def _isolated_nodes(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags | None]:
+def _isolated_nodes(stencil: Stencil, keep: Flags) -> Flags | None:
     """Find isolated nodes, at which multigrid converges slowly or not at all.
 
     An isolated node is connected to the inlet and to the outlet, but each path contains a link with a conductance below
@@ -289,16 +304,11 @@ def _isolated_nodes(stencil: Stencil, keep: Flags) -> tuple[Flags | None, Flags 
 
     Returns
     -------
-    isolated : flags (n1 − 1, n2) of the isolated inner nodes; None if there are no isolated nodes.
-    through : flags (n1 + 1, n2) of the nodes that remain connected to both inlet and outlet if all links with a
-        conductance below `RESOLVED_LINK` are closed; None if there are no isolated nodes.
+    Flags (n1 − 1, n2) of the isolated inner nodes; None if there are no isolated nodes.
     """
-    along, across = stencil.along, stencil.across
-    reached_by_wide_links = nodes_reached(along, across, CONTRIBUTING_LINK)
+    reached_by_wide_links = nodes_reached(stencil.along, stencil.across, CONTRIBUTING_LINK)
     isolated = (keep & (reached_by_wide_links == 0))[1:-1]
-    if not isolated.any():
-        return None, None
-    return isolated, nodes_reached(along, across, RESOLVED_LINK) == BOTH_ENDS
+    return isolated if isolated.any() else None
 
 
 class _Statistics(NamedTuple):

@@ -31,13 +31,16 @@ import numpy as np
 
 from ...base import Indices, Singles
 from ...base.compiled import REORDERED, by_rows, compiled, inlined, leader
+from .clusters import HOLDING, Clusters, find_clusters
 
 #: Coarsening ends if an axis has at most this number of nodes.
 COARSEST_SIDE = 4
 #: Coarsening also ends if a level has at most `_ELIMINATED` times as many open nodes as the finest level, and at most
 #: `_MOST_ELIMINATED`. The elimination of these nodes takes less time than the additional iterations that coarser levels
-#: would cause, because coarser grids do not resolve dead ends and channels.
+#: would cause, because coarser grids do not resolve dead ends and channels. There are few of them in a level of which
+#: more than `_NEARLY_OPEN` is open; such a level is only eliminated up to `_MOST_IF_NEARLY_OPEN` nodes.
 _ELIMINATED, _MOST_ELIMINATED = 1 / 40, 20000
+_NEARLY_OPEN, _MOST_IF_NEARLY_OPEN = 0.98, 5000
 #: Largest stored inverse of a diagonal entry; the largest number in single precision is 3e38.
 _MOST_INVERSE = 1e30
 #: A diagonal entry less the conductances to all neighbours is the conductance to inlet and outlet. The difference
@@ -54,8 +57,11 @@ class Level(NamedTuple):
     b : right-hand side of a cycle.
     x : approximate solution during a cycle.
     r : residual during a cycle, and solution at the end of the cycle.
-    weights : array (coarse rows, coarse columns, 3, 3), interpolation weights of each node of the next coarser level.
-        The value of a coarse node contributes to the fine node at the same position and to its eight neighbours.
+    weights : array (coarse rows, 3, 3, coarse columns), interpolation weights of each node of the next coarser level.
+        The value of a coarse node contributes to the fine node at the same position and to its eight neighbours. The
+        second axis is the row of the fine node: 0 above the coarse node, 1 in the same row, 2 below. The third axis is
+        the column of the fine node: 0 on the left of the coarse node, 1 in the same column, 2 on the right.
+    clusters : clusters of nodes that the coarser grid hardly moves.
     """
 
     links: tuple[Singles, Singles, Singles, Singles]
@@ -64,6 +70,7 @@ class Level(NamedTuple):
     x: Singles
     r: Singles
     weights: Singles
+    clusters: Clusters
 
 
 class Coarsest(NamedTuple):
@@ -202,6 +209,13 @@ def wrap_row(row):
     row[0], row[-1] = row[-2], row[1]
 
 
+@inlined(**REORDERED)
+def wrap_rows(field, first, end):
+    """Continue the rows `first` to `end` − 1 of a ring periodically."""
+    for i in range(first, end):
+        wrap_row(field[i])
+
+
 @by_rows(**REORDERED)
 def _five_point_operator(first, end, centre, right, below, along, across, ring):
     """Fill the rows `first` to `end` − 1 of `centre`, `right` and `below` with the operator of a stencil.
@@ -232,25 +246,25 @@ def _fraction(part, total):
 
 
 @by_rows(**REORDERED)
-def _weights_in_coarse_rows(first, end, w, operator, is_nine_point, ring):
+def _weights_in_coarse_rows(first, end, coarse, w, is_loose, operator, is_nine_point, ring):
     """Compute the interpolation weights w in the fine rows that contain coarse nodes.
 
     At a fine node that is also a coarse node, the weight of the coarse node is 1. At a fine node between two coarse
     nodes, the weight of each coarse node follows from the conductances of the links on its side.
 
-    w : array (coarse row, coarse column, 3, 3), see `Level.weights`. The third axis is the row of the fine node: 0
-        above the coarse node, 1 in the same row, 2 below. The fourth axis is the column of the fine node: 0 on the left
-        of the coarse node, 1 in the same column, 2 on the right.
+    coarse : array (coarse rows, coarse columns), which only defines the coarse grid.
+    w : array (coarse rows, 3, 3, coarse columns), see `Level.weights`.
+    is_loose : flags of the nodes that are not held by the coarser grid, see `clusters`.
     is_nine_point : whether the operator has links along the diagonals.
     """
     centre, right, below, below_right, below_left = operator
     n2 = centre.shape[1] - 2
-    m2 = w.shape[1] - 2
+    m2 = w.shape[3] - 2
     # fine row i, which is odd, contains the nodes of coarse row ci
     for i in range(2 * first - 1, 2 * end - 1, 2):
         ci = (i + 1) // 2
         for j in range(1, m2 + 1):
-            w[ci, j, 1, 1] = 1.0
+            w[ci, 1, 1, j] = 1.0
         # The value of a node between two coarse nodes follows from its links along the row. Diagonal links are added to
         # the links along the row, and links directly above and below are left out.
         for j in range(2, n2 + 1, 2):
@@ -264,14 +278,16 @@ def _weights_in_coarse_rows(first, end, w, operator, is_nine_point, ring):
             # coarse columns on the left and on the right; in a ring, the first column follows the last column
             left = j // 2
             right_column = (j // 2) % m2 + 1 if j == n2 else j // 2 + 1
-            w[ci, left, 1, 2] = _fraction(west, total)
-            w[ci, right_column, 1, 0] = _fraction(east, total)
+            w[ci, 1, 2, left] = _fraction(west, total)
+            w[ci, 1, 0, right_column] = _fraction(east, total)
+            is_loose[i, j] = west + east < HOLDING * centre[i, j]
         if ring:
             _wrap_weights(w, ci, 1)
+            wrap_row(is_loose[i])
 
 
 @by_rows(**REORDERED)
-def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
+def _weights_between_coarse_rows(first, end, coarse, w, is_loose, operator, is_nine_point, ring):
     """Compute the interpolation weights w in the fine rows between two rows with coarse nodes.
 
     The weights depend on the results of `_weights_in_coarse_rows`, which must be called first. The parameters are those
@@ -280,7 +296,7 @@ def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
     centre, right, below, below_right, below_left = operator
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
-    m2 = w.shape[1] - 2
+    m2 = w.shape[3] - 2
     # fine row i, which is even, lies between the coarse rows `top` and `bottom`
     for i in range(2 * first, min(2 * end, n1 + 1), 2):
         top = i // 2
@@ -294,8 +310,11 @@ def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
                 north += below_right[i - 1, j - 1] + below_left[i - 1, j + 1]
                 south += below_left[i, j] + below_right[i, j]
             total = max(centre[i, j] - right[i, j - 1] - right[i, j], north + south)
-            w[top, (j + 1) // 2, 2, 1] = _fraction(north, total)
-            w[bottom, (j + 1) // 2, 0, 1] = _fraction(south, total)
+            w[top, 2, 1, (j + 1) // 2] = _fraction(north, total)
+            w[bottom, 0, 1, (j + 1) // 2] = _fraction(south, total)
+            is_loose[i, j] = north + south < HOLDING * centre[i, j]
+        if ring:
+            wrap_row(is_loose[i])
         # Nodes in the middle of four coarse nodes (nw, ne, sw and se). The value of a node in the middle is the mean of
         # its neighbours in the north, south, west and east, weighted with the conductances. Each of these neighbours is
         # interpolated from two of the four coarse nodes, with weights that have been computed before. nw, ne, sw and se
@@ -310,19 +329,27 @@ def _weights_between_coarse_rows(first, end, w, operator, is_nine_point, ring):
             south = below[i, j]
             west = right[i, j - 1]
             east = right[i, j]
-            nw = north * w[top, left, 1, 2] + west * w[top, left, 2, 1]
-            ne = north * w[top, right_column, 1, 0] + east * w[top, right_column, 2, 1]
-            sw = south * w[bottom, left, 1, 2] + west * w[bottom, left, 0, 1]
-            se = south * w[bottom, right_column, 1, 0] + east * w[bottom, right_column, 0, 1]
+            # conductances to neighbours that are held by coarse nodes
+            held = 0.0 if is_loose[i - 1, j] else north
+            held += 0.0 if is_loose[i + 1, j] else south
+            held += 0.0 if is_loose[i, j - 1] else west
+            held += 0.0 if is_loose[i, j + 1] else east
+            nw = north * w[top, 1, 2, left] + west * w[top, 2, 1, left]
+            ne = north * w[top, 1, 0, right_column] + east * w[top, 2, 1, right_column]
+            sw = south * w[bottom, 1, 2, left] + west * w[bottom, 0, 1, left]
+            se = south * w[bottom, 1, 0, right_column] + east * w[bottom, 0, 1, right_column]
             if is_nine_point:
                 nw += below_right[i - 1, j - 1]
                 ne += below_left[i - 1, j + 1]
                 sw += below_left[i, j]
                 se += below_right[i, j]
-            w[top, left, 2, 2] = _fraction(nw, c)
-            w[top, right_column, 2, 0] = _fraction(ne, c)
-            w[bottom, left, 0, 2] = _fraction(sw, c)
-            w[bottom, right_column, 0, 0] = _fraction(se, c)
+                held += below_right[i - 1, j - 1] + below_left[i - 1, j + 1]
+                held += below_left[i, j] + below_right[i, j]
+            is_loose[i, j] = held < HOLDING * c
+            w[top, 2, 2, left] = _fraction(nw, c)
+            w[top, 2, 0, right_column] = _fraction(ne, c)
+            w[bottom, 0, 2, left] = _fraction(sw, c)
+            w[bottom, 0, 0, right_column] = _fraction(se, c)
         if ring:
             _wrap_weights(w, top, 2)
             _wrap_weights(w, bottom, 0)
@@ -335,14 +362,14 @@ def _wrap_weights(w, i, fine_row):
     fine_row : index of the weights for a fine row: 0 for the row above the coarse nodes, 1 for their own row, 2 for the
         row below.
     """
-    m2 = w.shape[1] - 2
+    m2 = w.shape[3] - 2
     for b in range(3):
-        w[i, 0, fine_row, b] = w[i, m2, fine_row, b]
-        w[i, m2 + 1, fine_row, b] = w[i, 1, fine_row, b]
+        w[i, fine_row, b, 0] = w[i, fine_row, b, m2]
+        w[i, fine_row, b, m2 + 1] = w[i, fine_row, b, 1]
 
 
 @by_rows(**REORDERED)
-def _galerkin_product(first, end, w, operator, is_nine_point, ring, coarse):
+def _galerkin_product(first, end, diagonal, coarse, w, operator, is_nine_point, ring):
     """Compute the Galerkin product PᵀAP for some rows of the next coarser level.
 
     coarse : array (5, coarse rows, coarse columns) for the result: the diagonal and the four kinds of conductances of
@@ -351,7 +378,7 @@ def _galerkin_product(first, end, w, operator, is_nine_point, ring, coarse):
     centre, right, below, below_right, below_left = operator
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
-    m2 = w.shape[1] - 2
+    m2 = w.shape[3] - 2
     # A times the interpolation of one coarse node, at the 5 × 5 fine nodes around it
     row = np.empty((5, 5))
     out = np.empty(5)
@@ -364,7 +391,7 @@ def _galerkin_product(first, end, w, operator, is_nine_point, ring, coarse):
                 if i < 1 or i > n1:
                     continue
                 for b in range(3):
-                    v = w[ci, cj, a, b]
+                    v = w[ci, a, b, cj]
                     j = 2 * cj - 2 + b
                     if j < 1:
                         j = n2 if ring else 0  # the column before the first one
@@ -396,7 +423,7 @@ def _galerkin_product(first, end, w, operator, is_nine_point, ring, coarse):
                     for b in range(3):
                         x = shift + b + 1  # (y, x) is the position of the fine node in `row`
                         if 0 <= x <= 4:
-                            s += w[ci + di, cj + dj, a, b] * row[y, x]
+                            s += w[ci + di, a, b, cj + dj] * row[y, x]
                 out[k] = s
             coarse[0, ci, cj] = out[0]
             for k in range(1, 5):
@@ -435,18 +462,25 @@ def levels_of_operator(fine, ring):
         _store_operator(inverse, links, operator)
         open_nodes = np.count_nonzero(inverse)
         if not levels:
-            fewest = min(_ELIMINATED * open_nodes, _MOST_ELIMINATED)
-        is_coarsest = min(n1, n2) - 2 <= COARSEST_SIDE or open_nodes <= fewest
+            fewest = _ELIMINATED * open_nodes
+        is_nearly_open = open_nodes > _NEARLY_OPEN * (n1 - 2) * (n2 - 2)
+        most = _MOST_IF_NEARLY_OPEN if is_nearly_open else _MOST_ELIMINATED
+        is_coarsest = min(n1, n2) - 2 <= COARSEST_SIDE or open_nodes <= min(fewest, most)
         m1, m2 = (0, 0) if is_coarsest else coarser_shape(n1, n2)
-        weights = np.zeros((m1, m2, 3, 3), np.float32)
-        is_nine_point = len(levels) > 0  # only the operator of the finest level has five points
-        levels.append(Level(links, inverse, b, x, r, weights))
+        weights = np.zeros((m1, 3, 3, m2), np.float32)
+        is_nine_point = operator[3].size > 1  # the operator of the finest level has five points
+        coarse = np.zeros((5, m1, m2))  # diagonal and four kinds of conductances
+        is_loose = np.zeros((n1, n2) if not is_coarsest else (2, 2), np.bool_)
+        if not is_coarsest:
+            _weights_in_coarse_rows(coarse[0], weights, is_loose, operator, is_nine_point, ring)
+            _weights_between_coarse_rows(
+                coarse[0], weights, is_loose, operator, is_nine_point, ring
+            )
+            _galerkin_product(coarse[0], coarse, weights, operator, is_nine_point, ring)
+        clusters = find_clusters(is_loose, operator, is_nine_point, ring)
+        levels.append(Level(links, inverse, b, x, r, weights, clusters))
         if is_coarsest:
             return levels, eliminate_coarsest(operator, ring)
-        coarse = np.zeros((5, m1, m2))  # diagonal and four kinds of conductances
-        _weights_in_coarse_rows(weights, operator, is_nine_point, ring)
-        _weights_between_coarse_rows(weights, operator, is_nine_point, ring)
-        _galerkin_product(weights, operator, is_nine_point, ring, coarse)
         operator = coarse[0], coarse[1], coarse[2], coarse[3], coarse[4]
 
 

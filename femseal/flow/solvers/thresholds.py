@@ -1,6 +1,6 @@
 """Numbers by which `auto` chooses a solver, and by which a choice is given up; the package docstring has the map.
 
-Two further numbers belong to multigrid itself: `multigrid.COARSEST_NODES` and `multigrid.BOUNDED_FROM`.
+A further number belongs to multigrid itself: `multigrid.COARSEST_NODES`.
 """
 
 # --- networks of links on a grid, see `choice.solve_flow` ---
