@@ -133,7 +133,9 @@ def run(
         prepared = prepare(case)
         if scheduler is None:
             refuse_too_large(case, prepared)
-        mapper = enter(ordered_map(workers, scheduler, partial(compile_ahead, progress=progress)))
+        has_mirrors = "mirror" in prepared.scene.boundary or "blocks" in prepared.methods
+        compile_first = partial(compile_ahead, progress=progress, has_mirrors=has_mirrors)
+        mapper = enter(ordered_map(workers, scheduler, compile_first))
         if folder is None:
             stage_folder = enter(TemporaryDirectory()) if shared is None else shared
             store = enter(Store(Path(stage_folder), required=False))

@@ -12,6 +12,7 @@ import hashlib
 import logging
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numba
@@ -29,28 +30,34 @@ from ..flow.solvers.choice import solve_flow
 from ..flow.solvers.hierarchy import build_levels
 
 log = logging.getLogger("femseal")
+#: Name of the part with the loops for mirror boundaries.
+_MIRRORS = "mirrors"
 
 
-def compile_ahead(mapper: Mapper, progress: Progress = no_progress) -> None:
+def compile_ahead(
+    mapper: Mapper, progress: Progress = no_progress, *, has_mirrors: bool = True
+) -> None:
     """Compile the loops of contact and flow in the processes of a mapper, unless the loops are already compiled.
 
     progress : callback progress(stage, done, total), called after each part of the loops has been compiled.
+    has_mirrors : whether a contact has a mirror boundary, which needs further loops.
     """
-    record = _record()
+    parts = [part for part in _PARTS if has_mirrors or part != _MIRRORS]
+    record = _record(parts)
     if record is None or record.exists():
         return
     stage = Stage(COMPILING, _compile)
     log.info("%s", stage.name)
-    progress(stage.name, 0, len(_PARTS))
-    for count, _ in enumerate(mapper(stage, list(_PARTS)), start=1):
-        progress(stage.name, count, len(_PARTS))
+    progress(stage.name, 0, len(parts))
+    for count, _ in enumerate(mapper(stage, parts), start=1):
+        progress(stage.name, count, len(parts))
     # without the record file, the next run repeats the stage and finds the machine code in the cache
     with suppress(OSError):
         record.touch()
 
 
-def _record() -> Path | None:
-    """Return the path of the record file, an empty file whose existence shows that the loops have been compiled.
+def _record(parts: list[str]) -> Path | None:
+    """Return the path of the record file, an empty file whose existence shows that some parts have been compiled.
 
     The name of the record file depends on everything that the machine code depends on: the source files, the processor,
     and the versions of Numba and NumPy. If the compiler is switched off by NUMBA_DISABLE_JIT, None is returned.
@@ -59,6 +66,7 @@ def _record() -> Path | None:
         return None
     package = Path(flow.__file__).parents[1]
     dependencies = [
+        *parts,
         numba.__version__,
         np.__version__,
         get_host_cpu_name(),
@@ -102,11 +110,10 @@ def _compile_multigrid() -> None:
         solve_flow(_network(), solver=solver)
 
 
-def _compile_contact() -> None:
-    """Compile the contact solver for mirror and for periodic boundaries, which use different loops."""
-    for boundary in ("mirror", "mirror"), ("periodic", "periodic"):
-        body = contact.HalfSpace((32, 32), (1.0, 1.0), 1.0, boundary)
-        contact.solve_contact(_gap(32), body, pressure=0.01, hardness=0.05)
+def _compile_contact(boundary: str) -> None:
+    """Compile the contact solver for mirror or for periodic boundaries, which use different loops."""
+    body = contact.HalfSpace((32, 32), (1.0, 1.0), 1.0, (boundary, boundary))
+    contact.solve_contact(_gap(32), body, pressure=0.01, hardness=0.05)
 
 
 def _compile_cells() -> None:
@@ -121,14 +128,15 @@ def _compile_seals() -> None:
     harmonic_fill(np.where(_gap(4) > 1, _gap(4), np.nan))
 
 
-#: Parts that take 4 to 19 s each, in the order in which they are started. The parts "multigrid" and "cells" call loops
+#: Parts that take 2 to 19 s each, in the order in which they are started. The parts "multigrid" and "cells" call loops
 #: of other parts. With two processes, the other parts are already compiled when "multigrid" and "cells" start, and both
 #: processes end at about the same time.
 _PARTS: dict[str, Callable[[], object]] = {
     "elimination": lambda: solve_flow(_network(), solver="elimination"),
     "levels": _compile_levels,
     "multigrid": _compile_multigrid,
-    "contact": _compile_contact,
+    "contact": partial(_compile_contact, "periodic"),
     "cells": _compile_cells,
     "seals": _compile_seals,
+    _MIRRORS: partial(_compile_contact, "mirror"),
 }

@@ -27,7 +27,7 @@ print(*(sum(e.is_start for _, e in recorder.buffer) for recorder in (ahead, late
 
 def test_loops_are_compiled_by_parts_and_once(tmp_path, monkeypatch):
     record = tmp_path / "compiled"
-    monkeypatch.setattr(compiling, "_record", lambda: record)
+    monkeypatch.setattr(compiling, "_record", lambda parts: record)
     given, told = [], []
 
     def mapper(stage, parts):
@@ -41,9 +41,23 @@ def test_loops_are_compiled_by_parts_and_once(tmp_path, monkeypatch):
     assert record.exists()
 
 
+def test_loops_for_mirror_boundaries_are_only_compiled_if_they_are_needed(tmp_path, monkeypatch):
+    given = []
+
+    def mapper(stage, parts):
+        given.append(parts)
+        return parts
+
+    monkeypatch.setattr(compiling, "_record", lambda parts: tmp_path / f"compiled-{len(parts)}")
+    for has_mirrors in (False, False, True):
+        compiling.compile_ahead(mapper, has_mirrors=has_mirrors)
+    without, with_mirrors = given  # the second call finds the record of the first
+    assert set(with_mirrors) - set(without) == {"mirrors"}
+
+
 def test_processes_that_die_leave_no_record(tmp_path, monkeypatch):
     record = tmp_path / "compiled"
-    monkeypatch.setattr(compiling, "_record", lambda: record)
+    monkeypatch.setattr(compiling, "_record", lambda parts: record)
     with pytest.raises(MemoryError):
         compiling.compile_ahead(
             lambda stage, parts: (_ for _ in ()).throw(MemoryError), lambda *state: None
