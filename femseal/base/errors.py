@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from reprlib import Repr
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,8 @@ _LONGEST = 160
 _MOST_FAULTS = 20
 #: Value of `InputError.given` when a required input is absent.
 MISSING = "missing"
+#: Name at the beginning of a text; "" if the text begins with another character.
+_WORD = re.compile(r"\w*")
 #: Shortens the representation of long lists, texts and numbers.
 _SHORT_REPR = Repr()
 _SHORT_REPR.maxstring = 80
@@ -54,8 +57,8 @@ class InputError(FemsealError, ValueError):
     expected : str
         Description of the values that are accepted.
     suggested : mapping, optional
-        Values that the text `expected` suggests for other arguments, by argument name. The text contains each of them
-        as "name=value".
+        Values that the text `expected` suggests for other arguments, by argument name. The placeholder "{name}" in the
+        text stands for "name=value", or for the key and the value in a case.
 
     Examples
     --------
@@ -68,9 +71,11 @@ class InputError(FemsealError, ValueError):
     def __init__(
         self, what: str, given: object, expected: str, suggested: Mapping[str, Any] | None = None
     ) -> None:
-        self.what, self.given, self.expected = what, given, expected
+        self.what, self.given = what, given
         self.suggested = dict(suggested or {})
-        super().__init__(what, given, expected)
+        self._template = expected
+        self.expected = self._with_suggestions({})
+        super().__init__(what, given, self.expected)
 
     def __str__(self) -> str:
         given = shortened(self.given)
@@ -84,39 +89,44 @@ class InputError(FemsealError, ValueError):
 
     def inside(self, table: str) -> InputError:
         """Return a copy of the error whose input name is prefixed with the table, as in "load.map"."""
-        return InputError(f"{table}.{self.what}", self.given, self.expected, self.suggested)
+        return InputError(f"{table}.{self.what}", self.given, self._template, self.suggested)
 
     def with_keys(self, keys: Mapping[str, str]) -> InputError:
         """Return a copy of the error that names the keys of the case file instead of the arguments.
 
-        The key of an argument replaces its name at the beginning of `what`, and in suggestions such as "shape=(4, 8)"
-        in `expected`.
+        The key of an argument replaces its name, which is the first word of `what`, and its name in suggestions in
+        `expected`.
 
         keys : key in the case file of each argument, by the name of the argument.
 
-        >>> error = InputError("wave", "1 µm", "2 µm, or shape=(4, 8)", {"shape": (4, 8)})
+        >>> error = InputError("wave", "1 µm", "2 µm, or {shape}", {"shape": (4, 8)})
+        >>> error.expected
+        '2 µm, or shape=(4, 8)'
         >>> str(error.with_keys({"wave": "surface.shortest_wave", "shape": "surface.points"}))
         'surface.shortest_wave: given 1 µm, expected 2 µm, or surface.points = [4, 8]'
         """
-        what, expected = self.what, self.expected
-        for name, key in keys.items():
-            if not self.what.startswith(name):
-                continue
-            # "wave" is replaced in "wave" and in "wave of the first face", but not in "wavelength" or "wave_number"
-            rest = self.what.removeprefix(name)
-            is_longer_name = rest[:1].isalnum() or rest.startswith("_")
-            if not is_longer_name:
-                what = f"{key}{rest}"
+        # "wave" is the argument in "wave" and in "wave of the first face", but not in "wavelength" or "wave_number"
+        argument = _WORD.match(self.what)[0]  # type: ignore[index]
+        what = self.what
+        if argument in keys:
+            what = f"{keys[argument]}{self.what.removeprefix(argument)}"
+        return InputError(what, self.given, self._with_suggestions(keys))
+
+    def _with_suggestions(self, keys: Mapping[str, str]) -> str:
+        """Return the description of accepted values with the suggested values of arguments, or of keys of a case."""
+        expected = self._template
         for name, value in self.suggested.items():
+            text = f"{name}={value}"
             if name in keys:
                 # TOML has arrays in place of tuples
                 value_in_case = list(value) if isinstance(value, tuple) else value
-                expected = expected.replace(f"{name}={value}", f"{keys[name]} = {value_in_case}")
-        return InputError(what, self.given, expected)
+                text = f"{keys[name]} = {value_in_case}"
+            expected = expected.replace(f"{{{name}}}", text)
+        return expected
 
     def __reduce__(self) -> tuple[Any, ...]:
         # a given object may not be picklable, but its text always is
-        return InputError, (self.what, shortened(self.given), self.expected, self.suggested)
+        return InputError, (self.what, shortened(self.given), self._template, self.suggested)
 
 
 class FileError(InputError):

@@ -36,7 +36,7 @@ def effective_pressure_part(scene: Scene, study: StudyResult) -> ErrorPart | Non
         return None
     note = "cells under their effective pressure against a coupled face, measured on faces four waves broad"
     q = study.predicted_leakage
-    carried = abs(fluid.carried)  # nominal pressure that the fluid carries [Pa]
+    carried = abs(fluid.mean_if_separated)  # nominal pressure that the fluid carries [Pa]
     # a load below the part that the fluid carries is raised to this part; the tiny number prevents a division by 0
     loads = np.maximum(study.steps.pressures, max(carried, 1e-300))
     slope = sensitivity(study.steps, q, study.contact_fraction_at(study.steps))

@@ -113,9 +113,10 @@ def _separation_warnings(scene: Scene) -> Iterator[str]:
         return
     first, others = separated[0], separated[1:]
     more = f" and {counted(len(others), 'more step')}" if others else ""
+    limit = to_text(fluid.mean_if_separated, "Pa", 3)
     yield (
         f"The seal is open at {first.name}{more}, unless its contact holds the fluid back: the fluid carries all of "
-        f"{to_text(first.pressure, 'Pa')}, and the surfaces separate below about {to_text(fluid.carried, 'Pa', 3)}. "
+        f"{to_text(first.pressure, 'Pa')}, and the surfaces separate below about {limit}. "
         "Raise the load or lower the fluid pressure"
     )
 

@@ -194,7 +194,7 @@ def estimate_scene(scene: Scene, unit_leakage: float | None = None) -> QuickEsti
     if scene.flow.spiral is not None or any(map(_has_form, scene.surface.patches)):
         return None
     fluid, steps = scene.acting_fluid, scene.steps
-    carried = fluid.carried if fluid is not None and fluid.nominal == "total" else 0.0
+    carried = fluid.mean_if_separated if fluid is not None and fluid.carrier == "total" else 0.0
     pressures = np.where(steps.on_loading, steps.pressures - carried, nan)
     estimate = estimate_surface(scene.surface, scene.modulus, scene.law.mean_hardness, pressures)
     if np.isnan(estimate.area).all():

@@ -36,6 +36,7 @@ from .best_leakage import (
     basis_attributes,
     best_budget,
     best_leakage,
+    best_study,
     class_basis_of,
     class_leakage_of,
     class_leakage_of_realisations,
@@ -175,7 +176,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
     data.attrs = _attributes(scene, by_key, facts)
     variables.add_budgets(data, facts.budgets)
     data.attrs["open_steps"] = _json(_open_steps(data, scene))
-    variables.add_totals(data, best_leakage(data), leak_basis_of(data))
+    variables.add_totals(data, best_study(data), leak_basis_of(data))
     if facts.test is not None:
         service_fluid = FluidState.of(scene)
         temperature = facts.throughput_temperature
@@ -300,7 +301,7 @@ def _add_realisations(
     if median is not None:
         variables.add_declared(data, median)
         # "part" is the simulated fraction of the seal length
-        attributes = {"realisation": median.realisation, "part": result.tiles.part}
+        attributes = {"realisation": median.realisation, "part": result.tiles.covered_fraction}
         data["drawn_corners"].attrs |= attributes
 
 

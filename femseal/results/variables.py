@@ -40,7 +40,7 @@ from ..face.cells import Cut
 from ..fluids import FLUIDS, Fluid, leak_basis
 from ..loads import LoadStep
 from ..scene import FluidState
-from ..studies import Scene, StochasticResult, StudyResult
+from ..studies import Scene, StochasticResult, Study, StudyResult
 from ..studies.cell_states import FaceCells
 from ..studies.other_fluid import OtherLeakage, limit_factors
 from ..studies.patch_leakage import PatchLeakage
@@ -168,7 +168,7 @@ def add_states(data: xarray.Dataset, cells: FaceCells) -> None:
     add_cell_centres(data, "state_", cells.cut)
     for declaration, values in fields_of(cells):
         if declaration.dimensions == CELL:
-            name = declaration.name.replace("cell_", "state_")
+            name = f"state_{declaration.name.removeprefix('cell_')}"
             long_name = f"{declaration.long_name}, by state"
             declaration = replace(
                 declaration, name=name, long_name=long_name, dimensions=CELL_STATE
@@ -271,7 +271,7 @@ def block_means(values: NDArray[Any], largest_count: int) -> NDArray[np.float32]
 # --- leakage of the whole seal, and error budgets ---------------------------------------------------------------
 
 
-def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis) -> None:
+def add_totals(data: xarray.Dataset, study: Study, basis: LeakBasis) -> None:
     """Add the leakage of the whole seal as a volume rate, as a mass rate, and in all other suitable units.
 
     For a gas, the throughput (pressure × volume per time) of the whole seal is also added.
@@ -279,11 +279,10 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
     Parameters
     ----------
     data : dataset that is extended.
-    leakage : leakage per unit seal length by the best method, (step,) [m²/s].
+    study : study whose leakage is the main result of the run.
     basis : seal length and properties of the fluid that are needed to convert the leakage.
     """
-    # the long name ends with the method, such as "two-scale"
-    statistic = leakage.attrs["long_name"].rpartition(", ")[2]
+    leakage = data[study.leakage_variable]  # (step,) [m²/s]
     volume_state = ""
     throughput_state = ""
     if basis.temperature is not None:
@@ -296,7 +295,7 @@ def add_totals(data: xarray.Dataset, leakage: xarray.DataArray, basis: LeakBasis
         unit = LEAK_UNITS[unit_name]
         if basis.has(unit):
             values = leakage.values / basis.factor(unit)
-            long_name = f"leakage of the whole seal, {statistic}, {measure}"
+            long_name = f"leakage of the whole seal, {study.title}, {measure}"
             add_new(data, f"leakage_total{suffix}", si_unit, long_name, values)
 
     add_total("", "m³/s", "m^3/s", f"by volume{volume_state}")
@@ -335,7 +334,7 @@ def _add_budget(data: xarray.Dataset, method: str, budget: ErrorBudget, sources:
     numerical = budget.numerical
     name = f"leakage_{method}_budget"
     for end in ("lower", "upper"):
-        meaning = f"{end} end of the 95 % interval of the leakage, {method.replace('_', '-')}"
+        meaning = f"{end} end of the 95 % interval of the leakage, {budget.method}"
         add_new(data, f"{name}_{end}", "m^2/s", meaning, getattr(budget, end))
         if len(numerical.parts) < len(parts):
             text = f"{meaning}, of its solution alone"

@@ -109,7 +109,7 @@ def solve_coupled_contact(
     NotConverged
         The contact solver failed.
     """
-    if abs(fluid.carried) <= LEAST_FRACTION * pressure and not fluid.trapped:
+    if abs(fluid.mean_if_separated) <= LEAST_FRACTION * pressure and not fluid.trapped:
         return solve_contact(gap0, half_space, pressure=pressure, **settings)
     problem = _CoupledProblem(fluid, gap0, half_space, pressure, remembered, settings)
     applied = problem.first_pressure()
@@ -169,7 +169,7 @@ class _CoupledProblem:
             with_liquid = self.previous_liquid.insert_into(applied, increase)
             applied = np.minimum(with_liquid, self.highest_trapped)
         carried = float(applied.mean())
-        if self.fluid.nominal == "total" and carried > _FIRST_CARRIED * self.pressure:
+        if self.fluid.carrier == "total" and carried > _FIRST_CARRIED * self.pressure:
             applied = applied * (_FIRST_CARRIED * self.pressure / carried)
         return applied
 
@@ -179,7 +179,7 @@ class _CoupledProblem:
         The contact load is the nominal pressure minus the mean fluid pressure. If the nominal pressure refers to the
         contact alone, the fluid cannot reduce the contact load, and the result is infinity.
         """
-        if self.fluid.nominal == "contact":
+        if self.fluid.carrier == "contact":
             return np.inf
         return self.pressure - float(applied.mean())
 
@@ -196,7 +196,7 @@ class _CoupledProblem:
             Previous round; None in the first round.
         """
         load = self.pressure
-        if self.fluid.nominal == "contact":
+        if self.fluid.carrier == "contact":
             load = max(self.pressure + float(applied.mean()), 0.0)
         contact = self._solve_contact(load, applied)
         flow = attempt(
@@ -269,7 +269,7 @@ class _CoupledProblem:
         `find_contact_load`. Trapped liquid is ignored.
         """
         solution_by_load: dict[float, Any] = {}  # coupled contact for each contact load
-        with_contact_load = replace(self.fluid, nominal="contact", trapped=False)
+        with_contact_load = replace(self.fluid, carrier="contact", trapped=False)
 
         def nominal_pressure(load: float) -> float:
             """Solve contact and flow for a contact load, or use the stored solution; return the nominal pressure."""

@@ -33,7 +33,7 @@ class FluidPressure:
         Fluid with its viscosity and density.
     inlet, outlet : float
         Fluid pressures at inlet and outlet [Pa].
-    nominal : "total" or "contact"
+    carrier : "total" or "contact"
         Whether the nominal pressure is carried by contact and fluid together, or by the contact alone.
     settings : FlowSettings
         Settings of the flow solver.
@@ -46,7 +46,7 @@ class FluidPressure:
     fluid: Fluid
     inlet: float
     outlet: float
-    nominal: str
+    carrier: str
     settings: FlowSettings
     surroundings: float | None = None
     trapped: bool = False
@@ -67,7 +67,7 @@ class FluidPressure:
         return np.asarray(pressure) - self._ambient
 
     @property
-    def carried(self) -> float:
+    def mean_if_separated(self) -> float:
         """Mean fluid pressure between separated surfaces [Pa], relative to the surroundings.
 
         The gap between separated surfaces is assumed to be uniform, so that the pressure potential is linear.
@@ -75,9 +75,9 @@ class FluidPressure:
         return float(self.above_surroundings((np.arange(_POINTS) + 0.5) / _POINTS).mean())
 
     @property
-    def mean(self) -> float:
-        """Mean fluid pressure for a pressure potential that falls linearly from inlet to outlet [Pa]."""
-        return self.carried + self._ambient
+    def absolute_mean(self) -> float:
+        """Mean absolute fluid pressure for a pressure potential that falls linearly from inlet to outlet [Pa]."""
+        return self.mean_if_separated + self._ambient
 
     def relief(self, pressure: Any) -> Array:
         """Compute by how much the fluid pressure reduces the contact pressure of a cell [Pa].
@@ -91,12 +91,12 @@ class FluidPressure:
         pressure : float or array
             Fluid pressure in the cell [Pa].
         """
-        carried_beside_contact = 0.0 if self.nominal == "total" else self.carried
+        carried_beside_contact = 0.0 if self.carrier == "total" else self.mean_if_separated
         return np.asarray(pressure, dtype=float) - self._ambient - carried_beside_contact
 
     def separates(self, pressure: float) -> bool:
         """Return whether the fluid between separated surfaces would carry the whole nominal pressure [Pa]."""
-        return self.nominal == "total" and self.carried >= pressure
+        return self.carrier == "total" and self.mean_if_separated >= pressure
 
     @property
     def largest(self) -> float:

@@ -211,7 +211,9 @@ class Scene:
             self.surroundings,
             self.traps_liquid,
         )
-        acts = not self.is_dry and abs(fluid.carried) > LEAST_FRACTION * min(self.steps.pressures)
+        acts = not self.is_dry and abs(fluid.mean_if_separated) > LEAST_FRACTION * min(
+            self.steps.pressures
+        )
         return fluid if acts or self.traps_liquid else None
 
     @property
@@ -222,12 +224,12 @@ class Scene:
         fluid = self.acting_fluid
         if fluid is None:
             return "it carries less than 0.01 % of every load: that changes leakage by less than 0.5 %, and is left out"
-        carried = to_text(abs(fluid.carried), "Pa", 3)
-        if fluid.carried < 0:
+        carried = to_text(abs(fluid.mean_if_separated), "Pa", 3)
+        if fluid.mean_if_separated < 0:
             return f"it pulls the surfaces together with a mean pressure of {carried}"
         in_addition = "with the contact" if self.nominal == "total" else "besides the contact's"
         smallest_load = min((p for p in self.steps.pressures if p > 0), default=np.inf)
-        largest_fraction = f", up to {fluid.carried / smallest_load:.2g} of the load"
+        largest_fraction = f", up to {fluid.mean_if_separated / smallest_load:.2g} of the load"
         trapped = "; liquid in closed pockets keeps its volume" if fluid.trapped else ""
         return f"it pushes the surfaces apart, and carries about {carried} {in_addition}{largest_fraction}{trapped}"
 
@@ -242,7 +244,7 @@ class Scene:
         fluid = self.acting_fluid
         if fluid is None:
             return ()
-        explanation = fluid.separation_text(fluid.carried)
+        explanation = fluid.separation_text(fluid.mean_if_separated)
         return tuple(
             (number, explanation)
             for number, pressure in enumerate(self.steps.pressures)

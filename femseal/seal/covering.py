@@ -66,7 +66,7 @@ def cover_strip(cell_size: CellSize, lay: Lay) -> SealTiles:
         tangent = np.full(len(tiles.tile), spiral.tangent(all_columns * d2))
     same_breadth = abs(breadth / surface_breadth - 1) < _SAME
     in_order = lay.name == "x2" and rows == cell_size.rows and same_breadth
-    return replace(tiles, in_order=in_order, tangent=tangent, part=columns / all_columns)
+    return replace(tiles, in_order=in_order, tangent=tangent, covered_fraction=columns / all_columns)
 
 
 def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
@@ -121,8 +121,8 @@ def cover_ring(cell_size: CellSize, lay: Lay, ring: Ring) -> SealTiles:
     columns = all_columns
     if is_spiral or lay.name in ("radial", "circumferential"):
         columns = cell_size.covered_columns(rows, all_columns)
-    part = columns / all_columns
-    geometry = _ring_geometry(ring, (rows, columns), part)
+    covered_fraction = columns / all_columns
+    geometry = _ring_geometry(ring, (rows, columns), covered_fraction)
     # a spiral deviates little from the circumferential direction: the elements have a circumferential lay, and
     # `tangent` contains the deviation
     element_lay = Lay(name="circumferential") if is_spiral else lay
@@ -132,7 +132,7 @@ def cover_ring(cell_size: CellSize, lay: Lay, ring: Ring) -> SealTiles:
     seal = ElementSeal(
         rectangles.mesh,
         *rectangles.ends,
-        size=(breadth, ring.circumference * part),
+        size=(breadth, ring.circumference * covered_fraction),
         outlines=geometry.outlines,
         axes=lay_axes(lay_in_mesh),
         rectangles=rectangles,
@@ -146,7 +146,7 @@ def cover_ring(cell_size: CellSize, lay: Lay, ring: Ring) -> SealTiles:
         grid=(rows, columns),
         in_order=in_order,
         tangent=lay.lead / (2 * pi * geometry.centre_radii) if is_spiral else None,
-        part=part,
+        covered_fraction=covered_fraction,
         warnings=warnings,
     )
 
@@ -190,15 +190,15 @@ class _RingGeometry(NamedTuple):
     mesh_axes: Array
 
 
-def _ring_geometry(ring: Ring, cells: Shape, part: float) -> _RingGeometry:
+def _ring_geometry(ring: Ring, cells: Shape, covered_fraction: float) -> _RingGeometry:
     """Divide a ring, or a part of a ring, into rows and columns of elements; the first row is at the inlet.
 
     ring : geometry of the whole ring.
     cells : numbers of rows and columns.
-    part : fraction of the circumference that is divided into columns.
+    covered_fraction : fraction of the circumference that is divided into columns.
     """
     rows, columns = cells
-    rectangles = Rectangles(ring.strip_lines(rows), 2 * pi * part, columns)
+    rectangles = Rectangles(ring.strip_lines(rows), 2 * pi * covered_fraction, columns)
     mesh = rectangles.plain_mesh
     vertex_radii, vertex_directions = ring.radius_and_direction(mesh.p)
     vertices = (vertex_radii * vertex_directions).T  # in the plane, (vertex, 2)

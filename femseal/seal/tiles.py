@@ -68,7 +68,7 @@ class SealTiles:
     tangent : array, (n,), or None
         Tangent of the angle α between the spiral grooves and the circumferential direction in each element; None for a
         lay that is not a spiral.
-    part : float
+    covered_fraction : float
         Length that is covered with tiles, divided by the length of the seal.
     warnings : tuple of str
         Warnings for the user.
@@ -80,7 +80,7 @@ class SealTiles:
     grid: Shape | None = None
     in_order: bool = False
     tangent: Array | None = field(default=None, repr=False)
-    part: float = 1.0
+    covered_fraction: float = 1.0
     warnings: tuple[str, ...] = ()
 
     @property
@@ -107,7 +107,7 @@ class SealTiles:
         """Width and length of the whole seal [m], even if the tiles cover only a part of the length."""
         breadth, length = self.seal.size
         unrepeated_fraction = self.unrepeated_elements.size / self.tile.size
-        return breadth, length * unrepeated_fraction / self.part
+        return breadth, length * unrepeated_fraction / self.covered_fraction
 
     @property
     def middles(self) -> Array:

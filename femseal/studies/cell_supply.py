@@ -167,7 +167,7 @@ def mean_relief(scene: Scene) -> float:
     The reduction is 0 if the case neglects the fluid pressure on the surfaces.
     """
     fluid = scene.acting_fluid
-    return 0.0 if fluid is None else float(fluid.relief([fluid.mean])[0])
+    return 0.0 if fluid is None else float(fluid.relief([fluid.absolute_mean])[0])
 
 
 def supply_cells(

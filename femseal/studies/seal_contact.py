@@ -61,7 +61,7 @@ class SealContact:
     depth : array (n1, n2) or (n1, 1), m
         Depth of each grid point below the highest point of the form. The array has a single column if the form does not
         vary along the seal.
-    nominal : array (steps,), Pa
+    nominal_pressure : array (steps,), Pa
         Nominal pressure of the whole seal.
     pressure : array (steps, n1, n2), Pa
         Contact pressure at each grid point.
@@ -73,7 +73,7 @@ class SealContact:
 
     grid: ContactGrid
     depth: Array
-    nominal: Array
+    nominal_pressure: Array
     pressure: Array
     separation: Array
     opening: Array
@@ -87,7 +87,7 @@ class SealContact:
     def pressure_fractions(self) -> Array:
         """Pressure of each tile divided by the mean pressure of the seal (steps, tiles); 1 at steps without load."""
         tile_pressure = self.grid.means(self.pressure)  # (step, tile)
-        nominal = self.nominal[:, None]
+        nominal = self.nominal_pressure[:, None]
         # A point of the grid may cover several tiles, so that the mean over the tiles differs slightly from the nominal
         # pressure. On a strip or ring, all tiles have equal areas, and the mean over the tiles is taken as the pressure
         # of the seal.

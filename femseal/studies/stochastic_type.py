@@ -104,8 +104,8 @@ class StochasticStudy(Study):
         yield self.name, states
         length = to_text(tiles.size[1], "m", 3)
         covered = f"{length} long"
-        if tiles.part < 1:
-            covered = f"{100 * tiles.part:.2g} % of a length of {length}"
+        if tiles.covered_fraction < 1:
+            covered = f"{100 * tiles.covered_fraction:.2g} % of a length of {length}"
         if sampling.realisations is None:
             yield "", f"seals of {tiles}, {covered}, as many as the 95 % interval needs"
         else:

@@ -63,7 +63,7 @@ class TileFluid:
             between = nominal - roots[1:-1] ** 3
             pressures = (fluid.outlet, *between.tolist(), fluid.inlet)
             piecewise = True
-        relief = fluid.relief(pressures if len(pressures) > 1 else [fluid.mean])
+        relief = fluid.relief(pressures if len(pressures) > 1 else [fluid.absolute_mean])
         return cls(pressures, piecewise, relief)
 
     def effective_pressures(self, paths: Array) -> Array:

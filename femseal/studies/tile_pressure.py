@@ -101,8 +101,8 @@ def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str
         )
     fluid = scene.acting_fluid
     carried = 0.0  # pressure that the fluid carries
-    if fluid is not None and fluid.nominal == "total":
-        carried = max(fluid.carried, 0.0)
+    if fluid is not None and fluid.carrier == "total":
+        carried = max(fluid.mean_if_separated, 0.0)
     warnings = [*_field_warnings(scene, tiles, pressure_map)]
     # fraction of the tiles without contact pressure, at the load step at which it is largest
     without_contact = pressure[nominal > 0] <= carried

@@ -118,7 +118,7 @@ def check_wave(wave: float, size: Pair, shape: Shape) -> float:
     if shortest < resolved * (1 - SLACK):
         finer = resolving_shape(size, shortest)
         expected = (
-            f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or shape={finer} for a "
+            f"at least {PIXELS_PER_WAVE} pixels = {to_text(resolved, 'm')}, or {{shape}} for a "
             "finer grid"
         )
         raise InputError("shortest_wave", to_text(shortest, "m"), expected, {"shape": finer})

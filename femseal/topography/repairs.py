@@ -92,7 +92,7 @@ def repair(
         if not spike_points:
             raise
         expected = (
-            f"{error.expected}; {spike_points} of them are spikes, which spikes=inf would keep"
+            f"{error.expected}; {spike_points} of them are spikes, which {{spikes}} would keep"
         )
         raise TooManyUndefined(error.what, error.given, expected, {"spikes": inf}) from None
     if not spike_points:

@@ -264,5 +264,5 @@ def test_the_cells_of_a_face_lie_in_their_order():
 
 def test_a_ring_of_which_a_part_is_drawn_is_as_long_as_the_whole():
     tiles = AnnularLayout(1e-2, 1.04e-2).lay_out(CellSize((A, A), 4, most_tiles=200))
-    assert tiles.part < 0.5
+    assert tiles.covered_fraction < 0.5
     assert_allclose(tiles.size, (4e-4, 2 * np.pi * 1.02e-2), rtol=1e-3)
