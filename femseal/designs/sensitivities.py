@@ -266,7 +266,7 @@ def solved_variants(
     longer_length = None
     fluid = cast(Any, scene.fluid)
     length_parameter = law_of(scene.fluid).scale_parameter  # "viscosity", "slip_length" or ""
-    if hasattr(fluid, length_parameter):
+    if length_parameter and hasattr(fluid, length_parameter):
         larger_value = _FACTOR * getattr(fluid, length_parameter)
         changed_fluid = replace(fluid, **{length_parameter: larger_value})
         changed_scene = replace(scene, fluid=changed_fluid)
