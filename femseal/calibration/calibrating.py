@@ -1,7 +1,7 @@
 """Calibrate a case with a leak test: run a few simulations, interpolate between them, and compute the posterior.
 
-A simulation solves the case with a given hardness and a given shortest wave. In names such as `scenes`, "scene" stands
-for a simulation.
+A simulation solves the case with a given hardness and a given shortest wave. The argument `scenes` of `calibrate` is a
+number of simulations.
 """
 
 from __future__ import annotations
@@ -171,9 +171,9 @@ def calibrate(
     } | user_code(tested_case)
     # A case has no digest. The key of a stored simulation therefore contains all data on which its leakage depends.
     key = ("scenes", json.dumps(identity, default=str))
-    solve_scene = partial(_solve_scene, tested_case, test.unit, steps)
+    simulate = partial(_simulate, tested_case, test.unit, steps)
     memory = forecast(tested_case, prepared).memory
-    stage = Stage("scenes", solve_scene, memory, key=key)
+    stage = Stage("scenes", simulate, memory, key=key)
     report_progress = progress or no_progress
     with ExitStack() as stack:
         if folder is not None:
@@ -188,13 +188,13 @@ def calibrate(
             store = stack.enter_context(Store(store_folder(folder)))
             mapper = store.over(mapper)
         mapper = stack.enter_context(Run(mapper, report_progress).timed("calibration"))
-        solve_scenes = partial(mapper, stage)
-        exploration = _explore(solve_scenes, test, rows, ranges, relative_error, scenes)
+        simulate_all = partial(mapper, stage)
+        exploration = _explore(simulate_all, test, rows, ranges, relative_error, scenes)
         samples = exploration.posterior.samples(_SAMPLES_AT_END)
         calibration = Calibration.from_posterior(
             exploration.posterior,
             samples,
-            exploration.scenes,
+            exploration.simulations,
             exploration.leakages,
             tested_case,
         )
@@ -300,7 +300,7 @@ def with_values(case: Case, hardness: float, shortest_wave: float) -> Case:
     return case.model_copy(update={solid_name: solid, "surface": surface})
 
 
-def _solve_scene(
+def _simulate(
     case: Case, unit: LeakUnit, steps: Indices, hardness: float, shortest_wave: float
 ) -> list[float]:
     """Run one simulation, and return the leakage at some load steps; NaN if the solution failed.
@@ -330,23 +330,23 @@ class _Exploration:
     """The posterior, and the simulations from which the posterior was computed.
 
     posterior : posterior density.
-    scenes : hardness [Pa] and shortest wave [m] of each simulation (simulations, 2).
+    simulations : hardness [Pa] and shortest wave [m] of each simulation (simulations, 2).
     leakages : leakage of each simulation at each load (simulations, loads), in the unit of the test; NaN where the
         solution failed.
     """
 
     posterior: Posterior
-    scenes: Array
+    simulations: Array
     leakages: Array
 
 
 def _explore(
-    solve_scenes: Callable[..., Iterable[list[float]]],
+    simulate_all: Callable[..., Iterable[list[float]]],
     test: LeakTest,
     rows: Indices,
     ranges: Array,
     error: float,
-    most_scenes: int,
+    most_simulations: int,
 ) -> _Exploration:
     """Run simulations that cover the ranges evenly, and then more simulations where the posterior density is large.
 
@@ -355,7 +355,7 @@ def _explore(
 
     Parameters
     ----------
-    solve_scenes : callable
+    simulate_all : callable
         Function that runs simulations. The arguments of the function are a list of hardnesses [Pa] and a list of
         shortest waves [m], with one value for each simulation. The function yields the leakages (loads,) of each
         simulation.
@@ -367,7 +367,7 @@ def _explore(
         Lower and upper ends of the range of each quantity in SI.
     error : float
         Relative standard deviation of a measured leakage.
-    most_scenes : int
+    most_simulations : int
         Largest number of simulations.
     """
     low, high = np.log(ranges[:2]).T  # of hardness and shortest wave
@@ -380,11 +380,11 @@ def _explore(
     leakages = np.empty((0, int(max(rows)) + 1))  # (simulation, load)
     sobol = qmc.Sobol(2, rng=np.random.default_rng(1))
     # the first round covers the unit square evenly
-    new_points = sobol.random_base2(int(np.log2(FIRST_SIMULATIONS)))[:most_scenes]
+    new_points = sobol.random_base2(int(np.log2(FIRST_SIMULATIONS)))[:most_simulations]
     while True:
         # run the simulations of this round, and fit the surrogate to all simulations that succeeded
         hardnesses, waves = to_si_units(new_points).T.tolist()
-        new_leakages = np.array(list(solve_scenes(hardnesses, waves)))
+        new_leakages = np.array(list(simulate_all(hardnesses, waves)))
         points = np.concatenate([points, new_points])
         leakages = np.concatenate([leakages, new_leakages])
         is_solved = np.asarray(np.isfinite(leakages).all(axis=1))
@@ -394,7 +394,7 @@ def _explore(
         # the accuracy of the surrogate counts where the posterior density is large, that is, at its samples
         samples = posterior.samples(_SAMPLES_BETWEEN)
         surrogate_error = np.median(posterior.predict(samples).deviation, axis=0).max()
-        n_left = most_scenes - len(points)
+        n_left = most_simulations - len(points)
         if n_left <= 0 or surrogate_error < _SMALL_ERROR * error:
             return _Exploration(posterior, to_si_units(points), leakages)
         # The samples are in random order, so that consecutive samples are spread over the whole posterior. The chosen

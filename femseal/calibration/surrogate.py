@@ -126,7 +126,7 @@ def _standardise(values: Array) -> tuple[Array, Array]:
     return deviations, (values - values.mean(0)) / deviations
 
 
-class Process:
+class GaussianProcess:
     """Model k quantities by Gaussian processes with shared correlation lengths but separate means and scales.
 
     Parameters
@@ -196,7 +196,7 @@ class _Data:
     values: Array
 
 
-def _fit_processes(data_sets: list[_Data]) -> list[Process]:
+def _fit_processes(data_sets: list[_Data]) -> list[GaussianProcess]:
     """Fit Gaussian processes with common amplitudes and correlation lengths to several sets of data.
 
     The amplitudes and correlation lengths maximise the posterior density. The mean, the trend and the scale of each
@@ -246,7 +246,7 @@ def _fit_processes(data_sets: list[_Data]) -> list[Process]:
         options={"ftol": 1e-14, "gtol": 1e-7},
     )
     parameters = best.x.round(_PARAMETER_DECIMALS)
-    return [Process(parameters, data.points, data.values) for data in data_sets]
+    return [GaussianProcess(parameters, data.points, data.values) for data in data_sets]
 
 
 @dataclass(frozen=True)
@@ -299,7 +299,7 @@ class _ProcessAtLoads(NamedTuple):
     """Indices of several loads, and the Gaussian processes of a quantity at these loads."""
 
     loads: list[int]
-    process: Process
+    process: GaussianProcess
 
 
 @dataclass(frozen=True, eq=False)

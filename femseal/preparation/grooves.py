@@ -93,15 +93,15 @@ def groove_pitch(surface: Surface) -> float | None:
     power[:_LEAST_GROOVES] = 0.0
     # the wave number with the highest power, and its two neighbours
     strongest = int(power.argmax())
-    wave_numbers = np.arange(strongest - 1, min(strongest + 2, power.size))
-    peak_power = power[wave_numbers]
+    period_counts = np.arange(strongest - 1, min(strongest + 2, power.size))
+    peak_power = power[period_counts]
     least_peak_power = _EVENLY_SPACED * power.sum()
     is_evenly_spaced = peak_power.sum() > least_peak_power > 0
     if not is_evenly_spaced:
         return None
     # The number of grooves need not be an integer. The number is estimated by the weighted mean of the neighbouring
     # wave numbers.
-    groove_count = float(peak_power @ wave_numbers) / float(peak_power.sum())
+    groove_count = float(peak_power @ period_counts) / float(peak_power.sum())
     return surface.size[0] / groove_count
 
 

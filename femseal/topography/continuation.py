@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import InputError, Periodic, Shape, to_text, validate
-from .generate import random_waves, wave_numbers
+from .generate import period_counts, random_waves
 from .grid_choice import resolved_wave, resolving_shape
 from .patches import Surface
 from .power_spectrum import PowerLaw, spectrum
@@ -90,7 +90,7 @@ class Continuation:
         )
         size = (n1 * patch.spacing[0], n2 * patch.spacing[1])
         shortest = max(self.cut_off, 2 * max(patch.spacing))  # waves need at least 2 pixels
-        k1, k2 = wave_numbers(size, shortest)
+        k1, k2 = period_counts(size, shortest)
         q = 2 * pi * np.hypot(k1 / size[0], k2 / size[1])
         q_middle = 2 * pi / sqrt(self.law.longest * self.law.shortest)
         density = self.law.at(q) * (q / q_middle) ** exponent_change

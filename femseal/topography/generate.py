@@ -95,7 +95,7 @@ def self_affine(
         expected = f"a wavelength > cut_off = {to_text(cut_off, 'm')}"
         raise InputError("roll_off", to_text(roll_off, "m"), expected)
 
-    k1, k2 = wave_numbers(size, cut_off)
+    k1, k2 = period_counts(size, cut_off)
     q = 2 * np.pi * np.hypot(k1 / size[0], k2 / size[1])
     amplitude = np.maximum(q, 2 * np.pi / roll_off) ** -(1 + hurst)
     weight = 1.0 if rms_slope is None else q**2
@@ -275,7 +275,7 @@ def random_waves(
     shape : tuple of two int
         Number of points along x1 and x2.
     numbers : two arrays of int, (waves,)
-        Numbers of periods k1 along x1 and k2 along x2, see `wave_numbers`.
+        Numbers of periods k1 along x1 and k2 along x2, see `period_counts`.
     amplitude : array, (waves,)
         Amplitude of each wave and of its conjugate [m].
     rng : numpy.random.Generator
@@ -303,7 +303,7 @@ def random_waves(
     return scipy.fft.irfft2(spectrum, s=shape, norm="forward", overwrite_x=True)
 
 
-def wave_numbers(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
+def period_counts(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
     """List all waves longer than `cut_off` in a half plane of wave vectors, from the longest to the shortest.
 
     The order of the waves decides which random phase a wave gets. The order depends on the ratio of the sides, but not

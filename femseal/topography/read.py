@@ -24,7 +24,6 @@ from ..base import (
     Flags,
     InputError,
     Pair,
-    Periodic,
     Shape,
     as_text,
     to_si,
@@ -85,7 +84,7 @@ class Look:
     topography: Topography
     errors: tuple[InputError, ...]
     masked_fraction: float
-    is_known: Periodic
+    is_known: tuple[bool, bool]
     instrument: Instrument
     has_coordinates: bool
     notes: tuple[str, ...] = ()

@@ -93,7 +93,7 @@ def half_multiplicity(shape: Shape, periodic: Periodic) -> tuple[NDArray, NDArra
     return rows, factors
 
 
-def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
+def wave_numbers(n: int, d: float, periodic: bool) -> NDArray:
     """Return the wave numbers along an axis, (n,) [rad/m], in the order of the transform; signed if periodic."""
     if periodic:
         return 2 * np.pi * scipy.fft.fftfreq(n, d)
@@ -102,8 +102,8 @@ def wavenumbers(n: int, d: float, periodic: bool) -> NDArray:
 
 def wavenumber_grids(shape: Shape, spacing: Pair, periodic: Periodic) -> tuple[NDArray, NDArray]:
     """Return the wave numbers along x1 (n1, 1) and along x2 (1, n2) [rad/m]."""
-    q1 = wavenumbers(shape[0], spacing[0], periodic[0])
-    q2 = wavenumbers(shape[1], spacing[1], periodic[1])
+    q1 = wave_numbers(shape[0], spacing[0], periodic[0])
+    q2 = wave_numbers(shape[1], spacing[1], periodic[1])
     return q1[:, None], q2[None, :]
 
 

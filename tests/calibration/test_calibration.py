@@ -366,9 +366,7 @@ def test_a_calibration_is_not_one_of_last_digits(case, tmp_path, monkeypatch):
     }
 
     def estimates(seed):
-        monkeypatch.setattr(
-            calibrating, "_solve_scene", partial(model, np.random.default_rng(seed))
-        )
+        monkeypatch.setattr(calibrating, "_simulate", partial(model, np.random.default_rng(seed)))
         found = fs.calibrate(case, test, **options)
         return np.log([[one.median, one.lower, one.upper] for one in found.posterior.values()])
 
