@@ -66,7 +66,9 @@ def cover_strip(cell_size: CellSize, lay: Lay) -> SealTiles:
         tangent = np.full(len(tiles.tile), spiral.tangent(all_columns * d2))
     same_breadth = abs(breadth / surface_breadth - 1) < _SAME
     in_order = lay.name == "x2" and rows == cell_size.rows and same_breadth
-    return replace(tiles, in_order=in_order, tangent=tangent, covered_fraction=columns / all_columns)
+    return replace(
+        tiles, in_order=in_order, tangent=tangent, covered_fraction=columns / all_columns
+    )
 
 
 def _tile_sides(size: Pair, lay: Lay, along: str, across: str) -> Pair:
