@@ -49,7 +49,7 @@ _ALLOWED_OVERLAP = 0.1
 _ROUNDING = 1e-12
 
 
-def first_overlap(mesh: Mesh) -> tuple[int, ...]:
+def _first_overlap(mesh: Mesh) -> tuple[int, ...]:
     """Find an element at the boundary of the mesh that overlaps another element.
 
     Overlaps are found by the separating axis theorem: two convex polygons do not overlap if their projections on the
@@ -294,7 +294,7 @@ def _check_boundary_names(mesh: Mesh, role: str, names: Names) -> None:
 def _check_elements(mesh: Mesh) -> None:
     """Raise InputError if nodes are not finite, or if elements are degenerate, tangled or overlapping."""
     _check_element_shapes(mesh)
-    overlapping = _overlapping_neighbours(mesh) or first_overlap(mesh)
+    overlapping = _overlapping_neighbours(mesh) or _first_overlap(mesh)
     if overlapping:
         given = f"a mesh whose elements {' and '.join(map(str, overlapping))} overlap"
         raise InputError("path", given, "elements that do not overlap")
