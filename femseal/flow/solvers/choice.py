@@ -312,7 +312,7 @@ def _isolated_nodes(stencil: Stencil, keep: Flags) -> Flags | None:
 
 
 class _Statistics(NamedTuple):
-    """Name of the solver, number of iterations, and estimated relative error of the potential in the energy norm."""
+    """Name of the solver, number of iterations, and bound of the relative error of the potential in the energy norm."""
 
     solver: str
     iterations: int = 0
@@ -334,7 +334,7 @@ def _check_balance(
     stencil : conductances of the links between the nodes.
     keep : flags (n1 + 1, n2) of the nodes that carry flow; at all other nodes, the potential is set to NaN.
     potentials : array with the potential φ at the nodes, and array with the complement ψ = 1 − φ.
-    statistics : solver, number of iterations and estimated error of the solution.
+    statistics : solver, number of iterations and bound of the error of the solution.
     conductance : conductance that the solver has computed; by default, the energy of φ is used.
     allowed : largest relative difference between inlet and outlet flow.
 
