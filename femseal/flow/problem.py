@@ -142,8 +142,8 @@ class DarcyFlow:
         complement has a small relative error.
     percolates : whether an open path connects inlet and outlet.
     iterations : number of iterations; 0 for a direct solution.
-    residual : relative error of the potential in the energy norm: an upper bound for the solver "multigrid", an estimate
-        for "amg", and 0 for a direct solution. The relative error of the conductance is `residual` squared.
+    residual : relative error of the potential in the energy norm: an upper bound for the solver "multigrid", an
+        estimate for "amg", and 0 for a direct solution. The relative error of the conductance is `residual` squared.
     imbalance : relative difference between inlet and outlet flow.
     solver : name of the solver that was used: "multigrid", "elimination", "amg" or "direct"; "none" if there was no
         unknown.
