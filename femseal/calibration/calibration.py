@@ -26,7 +26,6 @@ from ..base import (
     rows_of,
     to_text,
     versions,
-    write_bytes,
     write_text,
     writing,
 )
@@ -34,7 +33,7 @@ from ..case.case import Case
 from ..case.template import as_toml, bare_key
 from ..plots.drawing import LEGEND_LINE, LINES, LOADS, Sheet, add_grid, legend_below, shows
 from ..plots.leakage_panels import LeakageCurves, leakage_panel
-from ..plots.style import GREY, STYLES, rendered_formats
+from ..plots.style import GREY, STYLES, write_figure
 from ..results.load_steps import AS_PRESSURES, LoadFormat, branch_text, pressures_and_peaks
 from ..results.tables import format_leakage
 from .leak_test import BELOW_LIMIT, LeakTest
@@ -280,10 +279,8 @@ class Calibration(Plotted):
         text = json.dumps(finite_data(content), indent=1, ensure_ascii=False)
         with writing("output", target, "a folder"):
             written = [write_text(target / CSV_FILE, comma_separated(self.rows()))]
-            pictures = rendered_formats(calibration_figure(self), formats)
-            for form in formats:
-                path = (target / PICTURE_FILE).with_suffix(f".{form}")
-                written.append(write_bytes(path, pictures[form]))
+            stem = Path(PICTURE_FILE).stem
+            written += write_figure(calibration_figure(self), target, stem, formats)
             # the last one, because it marks a finished calibration
             return [write_text(target / RESULT_FILE, text), *written]
 

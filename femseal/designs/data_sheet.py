@@ -20,7 +20,6 @@ from ..base import (
     counted,
     made_folder,
     to_text,
-    write_bytes,
     write_text,
     writing,
 )
@@ -29,7 +28,7 @@ from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..loads import relaxed
 from ..plots.drawing import LEGEND_LINE, LOADS, Sheet, label_decades, legend_below, shows
 from ..plots.leakage_panels import LeakageCurves, leakage_panel, limit_lines, limits_width
-from ..plots.style import GREY, branch_styles, rendered_formats
+from ..plots.style import GREY, branch_styles, write_figure
 from ..report import write_report
 from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset_file import FILE_NAME
@@ -221,9 +220,7 @@ class Design(Plotted):
             ]
             case_formats = self.results.case.get("output", {}).get("picture_formats", ())
             formats = list(dict.fromkeys(["png", *case_formats]))
-            for form, picture in rendered_formats(design_figure(self), formats).items():
-                path = (target / DESIGN_PICTURE).with_suffix(f".{form}")
-                written.append(write_bytes(path, picture))
+            written += write_figure(design_figure(self), target, Path(DESIGN_PICTURE).stem, formats)
             if (target / FILE_NAME).is_file():
                 written.append(write_report(target))
             return written

@@ -20,5 +20,5 @@ from .maps import (
 from .pressure_lines import pressure_figure
 from .realisations import realisation_figure
 from .several_runs import comparison_figure
-from .style import png, rendered, rendered_formats
+from .style import png, rendered, write_figure
 from .surface_view import view_surface

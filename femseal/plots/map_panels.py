@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base import Array, Pair
 from ..results.variables import block_means
-from .drawing import MAP, Margins, figure_of, label_decades, length_unit, panel_size
+from .drawing import MAP, figure_of, label_decades, length_unit, panel_size
 from .style import DPI, MOST_DPI, PAGE
 
 if TYPE_CHECKING:
@@ -27,6 +27,8 @@ _HIGHEST_UPRIGHT = 1.2
 _BAR_DISTANCE, _BAR_HEIGHT = 0.05, 0.075
 #: Distance of the legend for points without a value from the map [inch].
 _KEY_DISTANCE = 0.28
+#: Width of a map [inch].
+_MAP_WIDTH = PAGE - MAP.left - MAP.right
 #: Smallest height of a map [inch].
 LOWEST_MAP = 0.5
 
@@ -133,10 +135,9 @@ def _interpolation(axes: Axes, shape: tuple[int, ...]) -> str:
     return "none" if max(shape) <= max(width, height) else "auto"
 
 
-def map_dpi(shape: tuple[int, ...], margins: Margins = MAP) -> float:
+def map_dpi(shape: tuple[int, ...]) -> float:
     """Return a resolution between `DPI` and `MOST_DPI` [pixels per inch] for a map with `shape` pixels."""
-    width = PAGE - margins.left - margins.right
-    return float(np.clip(max(shape) / width, DPI, MOST_DPI))
+    return float(np.clip(max(shape) / _MAP_WIDTH, DPI, MOST_DPI))
 
 
 def is_turned(size: Pair) -> bool:
@@ -149,7 +150,7 @@ def on_its_side(size: Pair) -> Pair:
     return (size[1], size[0]) if is_turned(size) else (size[0], size[1])
 
 
-def map_row_height(size: Pair, margins: Margins = MAP) -> float:
+def map_row_height(size: Pair) -> float:
     """Compute the height [inch] of a panel with a map, including the margins.
 
     The map fills the width of the panel. The height of the map is at least `LOWEST_MAP`, so that a long map can still
@@ -157,10 +158,9 @@ def map_row_height(size: Pair, margins: Margins = MAP) -> float:
 
     size : sides of the face along x1 and x2, in any unit.
     """
-    width = PAGE - margins.left - margins.right
-    map_width, map_height = on_its_side(size)
-    height = float(np.clip(width * map_height / map_width, LOWEST_MAP, width))
-    return height + margins.bottom + margins.top
+    width, height = on_its_side(size)
+    panel_height = float(np.clip(_MAP_WIDTH * height / width, LOWEST_MAP, _MAP_WIDTH))
+    return panel_height + MAP.bottom + MAP.top
 
 
 def add_colour_bar(

@@ -11,7 +11,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import wraps
 from inspect import signature
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec
+
+from ..base import write_bytes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -172,3 +175,12 @@ def rendered_formats(figure: Figure, formats: Sequence[str]) -> dict[str, bytes]
     # PNG comes first, because rendering in the other formats changes the figure
     png_first = sorted(formats, key=lambda form: form != "png")
     return {form: rendered(figure, form) for form in png_first}
+
+
+def write_figure(figure: Figure, folder: Path, stem: str, formats: Sequence[str]) -> list[Path]:
+    """Write a figure to a file in each of several formats, and return the paths of the files.
+
+    stem : name of the files without their suffix, which is the format.
+    """
+    contents = rendered_formats(figure, formats)
+    return [write_bytes(folder / f"{stem}.{form}", contents[form]) for form in formats]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,22 +26,9 @@ if TYPE_CHECKING:
 FILES = ("surface", "seal", "seat", "patch", "drawn", "cells", "leakage")
 
 
-def draw_all(results: Results, surface: Surface | None = None) -> dict[str, bytes]:
-    """Draw every picture for which the results have data.
-
-    Parameters
-    ----------
-    results : Results
-        Results of a run.
-    surface : Topography or Patches, optional
-        Combined heights of the faces, for the picture "surface".
-
-    Returns
-    -------
-    dict of bytes
-        Pictures as PNG, by their names.
-    """
-    pictures = draw_formats(results, surface, ("png",))
+def draw_all(results: Results) -> dict[str, bytes]:
+    """Draw every picture for which the results have data; return the pictures as PNG, by their names."""
+    pictures = draw_formats(results, None, ("png",))
     return {name: formats["png"] for name, formats in pictures.items()}
 
 
@@ -64,15 +51,9 @@ def draw_formats(
     dict of dict of bytes
         Contents of the picture files, by the name of the picture and then by the format.
     """
-    return _rendered(_figures(results, surface), formats)
-
-
-def _rendered(
-    figures: Mapping[str, Callable[[], Figure]], formats: Sequence[str]
-) -> dict[str, dict[str, bytes]]:
-    """Draw figures, and render each of them in several formats."""
     # Pictures are drawn in this process, because importing matplotlib in another process would take half as long as
     # drawing all of them.
+    figures = _figures(results, surface)
     return {name: rendered_formats(draw(), formats) for name, draw in figures.items()}
 
 
@@ -125,7 +106,7 @@ def write_pictures(
             raise InputError("picture", f"'{name}'", f"one of {', '.join(figures)}")
     target = made_folder(target)
     chosen = [name for name in figures if name in names or not names]
-    drawings = _rendered({name: figures[name] for name in chosen}, formats)
+    drawings = {name: rendered_formats(figures[name](), formats) for name in chosen}
     return [
         write_bytes(target / f"{name}.{form}", drawings[name][form])
         for name in chosen

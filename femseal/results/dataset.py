@@ -37,13 +37,9 @@ from .best_leakage import (
     best_budget,
     best_leakage,
     best_study,
-    class_basis_of,
-    class_leakage_of,
-    class_leakage_of_realisations,
-    failed_steps,
     leak_basis_of,
 )
-from .leakage_classes import DecidingLeakage, add_classes
+from .leakage_classes import add_classes
 from .load_steps import load_names
 from .results import Results
 
@@ -182,7 +178,8 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
         temperature = facts.throughput_temperature
         variables.add_test_fluid(data, facts.test, service_fluid, temperature, facts.valve)
     results = Results(data, None, scene, by_key)
-    warnings = [*_vague_leakage(data), *_add_classes(data, facts)]
+    class_warnings = add_classes(data, leak_classes(facts.classes), facts.nominal_diameter)
+    warnings = [*_vague_leakage(data), *class_warnings]
     if warnings:
         data.attrs["warnings"] = _json([*results.warnings, *warnings])
     return results
@@ -433,20 +430,6 @@ def _open_steps(data: xarray.Dataset, scene: Scene) -> list[int]:
 
 
 # --- classes and warnings ---------------------------------------------------------------------------------------
-
-
-def _add_classes(data: xarray.Dataset, facts: RunFacts) -> list[str]:
-    """Add variables that say which leakage classes are met at each step, and return warnings about the classes."""
-    budget = best_budget(data)
-    # if the computation failed for either fluid, no class is met at this step
-    leakage = np.where(failed_steps(data), np.nan, class_leakage_of(data))
-    deciding = DecidingLeakage(
-        basis=class_basis_of(data),
-        leakage=leakage,
-        of_realisations=class_leakage_of_realisations(data),
-        upper=None if budget is None else budget.upper,
-    )
-    return add_classes(data, leak_classes(facts.classes), deciding, facts.nominal_diameter)
 
 
 def _vague_leakage(data: xarray.Dataset) -> list[str]:

@@ -7,15 +7,20 @@ leakage of the service fluid is compared with the limits.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..base import Array, to_text
 from ..base.fields import LEAK_CLASS
-from ..base.leak_rates import USUAL_CLASSES, LeakBasis, LeakClass, leak_classes, within
-from .best_leakage import class_basis_of
+from ..base.leak_rates import USUAL_CLASSES, LeakClass, leak_classes, within
+from .best_leakage import (
+    best_budget,
+    class_basis_of,
+    class_leakage_of,
+    class_leakage_of_realisations,
+    failed_steps,
+)
 from .variables import add_coordinate, add_new
 
 if TYPE_CHECKING:
@@ -25,40 +30,18 @@ if TYPE_CHECKING:
 _ODD_LENGTH_RATIO = 1.5
 
 
-@dataclass(frozen=True, eq=False)
-class DecidingLeakage:
-    """Leakage that is compared with leakage classes: that of the test fluid, or else the service fluid.
-
-    Attributes
-    ----------
-    basis : seal length and fluid properties that are needed to convert the leakage to the units of the limits.
-    leakage : leakage per unit seal length, (step,) [m²/s], NaN where unknown.
-    of_realisations : leakage of each realisation per unit seal length, (realisation, step) [m²/s].
-    upper : upper end of the 95 % interval of the leakage, (step,) [m²/s], NaN where unknown; None if the run has no
-        error budget.
-    """
-
-    basis: LeakBasis
-    leakage: Array
-    of_realisations: Array
-    upper: Array | None
-
-
 def add_classes(
-    data: xarray.Dataset,
-    classes: Sequence[LeakClass],
-    deciding: DecidingLeakage,
-    diameter: float | None,
+    data: xarray.Dataset, classes: Sequence[LeakClass], diameter: float | None
 ) -> list[str]:
     """Add variables that say which classes are met at each step, and which fraction of the realisations meets them.
 
-    If the computed leakage is zero but its 95 % interval has no upper end, it is undecided whether a class is met.
+    If the computed leakage is zero but its 95 % interval has no upper end, it is undecided whether a class is met. If
+    the computation failed for the service fluid or for the test fluid, no class is met.
 
     Parameters
     ----------
     data : dataset that is extended.
     classes : leakage classes to check.
-    deciding : leakages that are compared with the limits of the classes.
     diameter : nominal diameter [m], on which the limits of some classes depend; None if unknown.
 
     Returns
@@ -73,16 +56,23 @@ def add_classes(
         data.attrs["nominal_diameter_m"] = float(diameter)
     if not classes:
         return []
-    limits = np.array([leak_class.limit(deciding.basis, diameter) for leak_class in classes])
+    basis = class_basis_of(data)
+    limits = np.array([leak_class.limit(basis, diameter) for leak_class in classes])
+    leakage = np.where(failed_steps(data), np.nan, class_leakage_of(data))
+    of_realisations = class_leakage_of_realisations(data)
+    budget = best_budget(data)
+    # without an error budget, the leakage counts as known
+    upper = np.zeros_like(leakage) if budget is None else budget.upper
     names = [leak_class.name for leak_class in classes]
     add_coordinate(data, "leak_class", "1", "leakage class", names)
     text = "largest leakage per unit seal length in the class, of the fluid that decides on it"
     add_new(data, "class_limit", "m^2/s", text, limits, ("leak_class",))
     text = "1 where the leakage given meets the class, 0 where not or failed, NaN: open"
-    add_new(data, "class_met", "1", text, _is_met(limits, deciding), LEAK_CLASS)
+    add_new(data, "class_met", "1", text, _is_met(limits, leakage, upper), LEAK_CLASS)
     text = "fraction of the realisations that meet the class, NaN: open or failed"
-    add_new(data, "class_fraction", "1", text, _fraction_met(limits, deciding), LEAK_CLASS)
-    return _warnings(classes, deciding.basis.length, diameter)
+    fraction = _fraction_met(limits, leakage, of_realisations, upper)
+    add_new(data, "class_fraction", "1", text, fraction, LEAK_CLASS)
+    return _warnings(classes, basis.length, diameter)
 
 
 def class_limits(
@@ -104,30 +94,34 @@ def class_limits(
     return {leak_class.name: leak_class.limit(basis, diameter) for leak_class in classes}
 
 
-def _is_met(limits: Array, deciding: DecidingLeakage) -> Array:
-    """Return whether the leakage is within each limit: 1 if yes, 0 if no, NaN if undecided; (leak_class, step)."""
-    is_met = np.array([within(deciding.leakage, limit) for limit in limits]).astype(float)
-    if deciding.upper is not None:
-        is_open = (deciding.leakage == 0) & ~np.isfinite(deciding.upper)
-        is_met[:, is_open] = np.nan
+def _is_met(limits: Array, leakage: Array, upper: Array) -> Array:
+    """Return whether the leakage is within each limit: 1 if yes, 0 if no, NaN if undecided; (leak_class, step).
+
+    Parameters
+    ----------
+    limits : largest leakage per length in each class [m²/s].
+    leakage : leakage per unit seal length, (step,) [m²/s], NaN where unknown.
+    upper : upper end of the 95 % interval of the leakage, (step,) [m²/s], NaN where unknown.
+    """
+    is_met = np.array([within(leakage, limit) for limit in limits]).astype(float)
+    is_met[:, (leakage == 0) & ~np.isfinite(upper)] = np.nan
     return is_met
 
 
-def _fraction_met(limits: Array, deciding: DecidingLeakage) -> Array:
+def _fraction_met(limits: Array, leakage: Array, of_realisations: Array, upper: Array) -> Array:
     """Return the fraction of the realisations whose leakage is within each limit, (leak_class, step).
 
     The fraction is NaN at steps where it is unknown whether a realisation leaks, and at steps where the
-    computation failed.
+    computation failed. The leakage of each realisation is an array (realisation, step) [m²/s]; see `_is_met` for the
+    other arguments.
     """
-    leakage = deciding.of_realisations  # (realisation, step)
-    is_known = np.isfinite(leakage)
+    is_known = np.isfinite(of_realisations)
     known_count = np.maximum(is_known.sum(axis=0), 1)  # at least 1, so as not to divide by 0
-    met_counts = [(within(leakage, limit) & is_known).sum(axis=0) for limit in limits]
+    met_counts = [(within(of_realisations, limit) & is_known).sum(axis=0) for limit in limits]
     fraction = np.array(met_counts) / known_count
-    is_missing = ~is_known.any(axis=0) | np.isnan(deciding.leakage)
-    if deciding.upper is not None:
-        # where the interval has no upper end, a realisation that is computed as sealed may leak any amount
-        is_missing |= (leakage == 0).any(axis=0) & ~np.isfinite(deciding.upper)
+    is_missing = ~is_known.any(axis=0) | np.isnan(leakage)
+    # where the interval has no upper end, a realisation that is computed as sealed may leak any amount
+    is_missing |= (of_realisations == 0).any(axis=0) & ~np.isfinite(upper)
     fraction[:, is_missing] = np.nan
     return fraction
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,14 +41,6 @@ Window = tuple[float, float, float, float]
 #: Fraction of the surface by which a window may exceed it. The ends of a window can be numbers rounded to text.
 _ROUNDING = 1e-6
 _BYTES_PER_VALUE = np.dtype(np.float32).itemsize
-
-
-class _PixelField(NamedTuple):
-    """A pixel field at a step: its declaration, values (x1, x2) in SI units, and pixel size [m]."""
-
-    declaration: Field
-    values: Any
-    spacing: Pair
 
 
 def _fields_in_memory(run: Results) -> list[tuple[Field, Any]]:
@@ -149,24 +141,17 @@ def read_pixels(run: Results, name: str, step: int, cell: Shape | None = None) -
         The step or the cell does not exist, or the field was not stored at this step. `stored_steps` lists the steps
         with fields.
     """
-    import xarray
-
     data = run.dataset
     if step not in range(data.sizes["step"]):
         raise InputError("step", step, f"0 to {data.sizes['step'] - 1}")
-    field = _from_memory(run, name, step) or _from_folder(run, name, step)
-    if field is None:
+    values = _from_memory(run, name, step)
+    if values is None:
+        values = _from_folder(run, name, step)
+    if values is None:
         stored = stored_steps(run)
         expected = f"one of {', '.join(map(str, stored))}" if stored else WITH_FIELDS
         raise InputError("step", f"{step}, which has no {name.replace('_', ' ')}", expected)
-    coordinates = {}
-    for dim, count, width in zip(("x1", "x2"), field.values.shape, field.spacing, strict=True):
-        centres = (np.arange(count) + 0.5) * width
-        coordinates[dim] = (dim, centres, {"units": "m", "long_name": f"{dim} of pixel centres"})
-    declaration = field.declaration
-    long_name = f"{declaration.long_name}, {data['name'].values[step]}"
-    attrs = {"units": declaration.unit, "long_name": long_name}
-    values = xarray.DataArray(field.values, coordinates, ("x1", "x2"), name, attrs)
+    values.attrs["long_name"] += f", {data['name'].values[step]}"
     if cell is not None:
         row, column = checked_cell(data, *cell)
         # pixels of a cell along x1 and x2
@@ -183,17 +168,17 @@ def stored_steps(run: Results) -> list[int]:
     return [] if run.folder is None else list(vtk_files.stored_images(run.folder, SERIES_NAME))
 
 
-def _from_memory(run: Results, name: str, step: int) -> _PixelField | None:
+def _from_memory(run: Results, name: str, step: int) -> xarray.DataArray | None:
     """Return a field at a load step from a study in memory, or None if no such study has it."""
     if run.scene is None:
         return None
     for field, values in _fields_in_memory(run):
         if field.name == name:
-            return _PixelField(field, values[step], run.scene.surface.spacing)
+            return _at_pixels(field, values[step], run.scene.surface.spacing)
     return None
 
 
-def _from_folder(run: Results, name: str, step: int) -> _PixelField | None:
+def _from_folder(run: Results, name: str, step: int) -> xarray.DataArray | None:
     """Read a field at a load step from the results folder, or return None if the folder lacks the field."""
     images = {} if run.folder is None else vtk_files.stored_images(run.folder, SERIES_NAME)
     if step not in images:
@@ -208,7 +193,19 @@ def _from_folder(run: Results, name: str, step: int) -> _PixelField | None:
     # the dimensions of a VTK image count the corners of the pixels, which are one more along each side
     shape = tuple(count - 1 for count in image.dimensions[:2])
     values = np.asarray(image.cell_data[array].reshape(shape, order="F"), np.float64)
-    return _PixelField(field, values / field.scale, tuple(image.spacing[:2]))
+    return _at_pixels(field, values / field.scale, image.spacing[:2])
+
+
+def _at_pixels(field: Field, values: Any, spacing: Pair) -> xarray.DataArray:
+    """Return the values (x1, x2) of a field in SI units, with the positions of the pixel centres as coordinates."""
+    import xarray
+
+    coordinates = {}
+    for dim, count, width in zip(("x1", "x2"), values.shape, spacing, strict=True):
+        centres = (np.arange(count) + 0.5) * width
+        coordinates[dim] = (dim, centres, {"units": "m", "long_name": f"{dim} of pixel centres"})
+    attrs = {"units": field.unit, "long_name": field.long_name}
+    return xarray.DataArray(values, coordinates, ("x1", "x2"), field.name, attrs)
 
 
 # --- one field for other programs -------------------------------------------------------------------------------

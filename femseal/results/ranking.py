@@ -10,6 +10,9 @@ import numpy as np
 
 from ..base import Array
 
+#: Number of runs that a sentence names.
+_MOST_LISTED = 5
+
 
 class RankRange(NamedTuple):
     """Best and worst rank that a run can have within its 95 % interval; a run with rank 1 leaks least."""
@@ -92,11 +95,11 @@ class Ranking:
         )
 
 
-def _listed(names: list[str], largest_count: int = 5) -> str:
+def _listed(names: list[str]) -> str:
     """Join names into one string; of a long list, give only the first names and the number of the others."""
-    if len(names) > largest_count:
-        first_names = ", ".join(names[:largest_count])
-        return f"{first_names} and {len(names) - largest_count} more"
+    if len(names) > _MOST_LISTED:
+        first_names = ", ".join(names[:_MOST_LISTED])
+        return f"{first_names} and {len(names) - _MOST_LISTED} more"
     if len(names) < 2:
         return "".join(names)
     return f"{', '.join(names[:-1])} and {names[-1]}"

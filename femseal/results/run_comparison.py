@@ -22,7 +22,6 @@ from ..base import (
     made_folder,
     rows_of,
     shown,
-    write_bytes,
     write_text,
 )
 from ..base.fields import with_unit
@@ -359,11 +358,8 @@ class RunComparison(Plotted):
         """
         target = made_folder(folder)
         plots = display_package("plots")
-        written = [write_text(target / f"{stem}.csv", comma_separated(self.rows()))]
-        pictures = plots.rendered_formats(plots.comparison_figure(self), formats)
-        return written + [
-            write_bytes(target / f"{stem}.{form}", pictures[form]) for form in formats
-        ]
+        table = write_text(target / f"{stem}.csv", comma_separated(self.rows()))
+        return [table, *plots.write_figure(plots.comparison_figure(self), target, stem, formats)]
 
     def __repr__(self) -> str:
         names = ", ".join(self.names)
