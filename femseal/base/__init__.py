@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         comma_separated,
         duration,
         finite_data,
+        flatten,
         format_deviation,
         labelled,
         number_text,

@@ -158,6 +158,24 @@ def rows_of(columns: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [dict(zip(columns, row, strict=True)) for row in zip(*lists, strict=True)]
 
 
+def flatten(value: Any, key: str = "") -> dict[str, Any]:
+    """Convert nested tables to a single table with dotted keys.
+
+    The elements of a list get separate keys only if the list contains tables.
+
+    >>> flatten({"load": {"loading": [1e6, 2e6]}, "face": [{"kind": "file"}]})
+    {'load.loading': [1000000.0, 2000000.0], 'face.0.kind': 'file'}
+    """
+    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        value = dict(enumerate(value))
+    if not isinstance(value, dict):
+        return {key: value}
+    flat: dict[str, Any] = {}
+    for name, item in value.items():
+        flat |= flatten(item, f"{key}.{name}".removeprefix("."))
+    return flat
+
+
 def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
     """Write rows as comma-separated values, after one line with the names of the columns.
 

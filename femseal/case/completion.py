@@ -26,7 +26,7 @@ from ..seal.seal_files import columns_of, read_columns
 from ..studies.study_list import DEFAULT_OF_SURFACE, DEFAULT_STUDY, STUDIES
 from .faults import errors_in_table
 from .hot_hardness import hot_hardness_warnings
-from .quantity_types import Amount, in_si, unvalidated_value
+from .quantity_types import TEMPERATURE, Amount, unvalidated_value
 
 #: Table of a case before validation: texts and numbers by key.
 RawTable = dict[str, Any]
@@ -145,14 +145,14 @@ def _with_present_keys(face: Any, warnings: list[str]) -> Any:
     """Rename former keys of a single table [face], and add a warning for each renamed key."""
     if not isinstance(face, dict):
         return face
+    table = dict(face)
     for former, present in _RENAMED_FACE_KEYS.items():
-        if former in face and present not in face:
-            value = face[former]
-            face = {name: face[name] for name in face if name != former} | {present: value}
+        if former in table and present not in table:
+            table[present] = table.pop(former)
             warnings.append(
                 f"face.{former} is face.{present} now: the former name is read until the next version"
             )
-    return face
+    return table
 
 
 def least_detrend(kind: object) -> int:
@@ -259,9 +259,14 @@ def _complete_fluid(fluid: RawTable, table_key: str, warnings: list[str]) -> Raw
     kind = fluid.get("kind", named.kind)
     if not isinstance(kind, str) or kind not in FLUIDS:
         return fluid
-    properties = _properties_of(named, kind)
+    units = _units_of(kind)
+    properties = {
+        name: Amount(value, units[name])
+        for name, value in named.parameters.items()
+        if name in units  # a fluid of another kind does not use all properties
+    }
     values = fluid
-    if "temperature" not in _units_of(kind):
+    if "temperature" not in units:
         # the temperature was only needed to look the properties up: fluids of this kind have no such key
         values = {key: value for key, value in fluid.items() if key != "temperature"}
     density = named.parameters.get("density")
@@ -279,16 +284,6 @@ def _units_of(kind: str) -> dict[str, str]:
     """Return the unit of each parameter of a kind of fluid. Parameters without a unit are left out."""
     parameters = fields(FLUIDS[kind])
     return {field.name: field.metadata["unit"] for field in parameters if "unit" in field.metadata}
-
-
-def _properties_of(named: Any, kind: str) -> dict[str, Amount]:
-    """Return the properties of a named fluid. Properties that a fluid of the given kind does not use are left out."""
-    units = _units_of(kind)
-    return {
-        name: Amount(value, units[name])
-        for name, value in named.parameters.items()
-        if name in units
-    }
 
 
 def _with_dynamic_viscosity(
@@ -339,16 +334,11 @@ def _temperature(fluid: RawTable, table_key: str) -> float:
     """
     if "temperature" not in fluid:
         return TABLE_TEMPERATURE
-    key = f"{table_key}.temperature"
-    text = fluid["temperature"]
     try:
-        temperature = in_si(text, "K", "20 °C")
+        return TEMPERATURE.read(fluid["temperature"])
     except InputError as error:
-        raise InputError(key, error.given, error.expected) from None
-    if temperature <= 0:
-        expected = "a temperature above absolute zero, such as '20 °C'"
-        raise InputError(key, shown(text), expected)
-    return temperature
+        given = shown(fluid["temperature"])
+        raise InputError(f"{table_key}.temperature", given, error.expected) from None
 
 
 def _odd_properties(

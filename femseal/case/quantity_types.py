@@ -153,7 +153,7 @@ class OneForBothAxes:
         self, core: Any, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
         pair = handler(core)
-        return {"anyOf": [pair, pair["prefixItems"][0]]}
+        return {"anyOf": [pair, pair["items"]]}
 
     @staticmethod
     def _read(value: Any, validate_pair: Callable[[Any], Any]) -> Any:
@@ -254,11 +254,8 @@ Pressure = Annotated[
     Quantity("Pa", _not_negative, "a pressure >= 0", "300 MPa"),
     UsualRange(1e-7, 2e9, "Pa"),
 ]
-Temperature = Annotated[
-    float,
-    Quantity("K", _positive, "a temperature above absolute zero", "20 °C"),
-    UsualRange(2.0, 2000.0, "K"),
-]
+TEMPERATURE = Quantity("K", _positive, "a temperature above absolute zero", "20 °C")
+Temperature = Annotated[float, TEMPERATURE, UsualRange(2.0, 2000.0, "K")]
 
 # --- other quantities with a unit -------------------------------------------------------------------------------
 

@@ -22,6 +22,7 @@ from ..base import (
     FemsealError,
     InputError,
     counted,
+    flatten,
     read_plain,
     shortened,
     write_text,
@@ -164,9 +165,9 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
         given = f"'{path}', which cannot be read ({error})"
         expected = f"an intact file; remove '{path.parent}' to start anew"
         raise InputError("resume", given, expected) from None
-    old = _flatten(stored_identity)
+    old = flatten(stored_identity)
     # JSON turns tuples into lists, as in the manifest
-    new = _flatten(json.loads(json.dumps(identity)))
+    new = flatten(json.loads(json.dumps(identity)))
     changed = [key for key in old | new if old.get(key) != new.get(key)]
     if not changed:
         return True
@@ -241,18 +242,3 @@ def begin_run(output: Path, identity: dict[str, Any]) -> None:
         write_text(folder / MANIFEST, text)
     except OSError as error:
         raise FemsealError(f"store: '{folder}' could not be written ({error.strerror})") from error
-
-
-def _flatten(value: Any, key: str = "") -> dict[str, Any]:
-    """Convert nested tables to a single table with dotted keys.
-
-    The elements of a list get separate keys only if the list contains tables.
-    """
-    if isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        value = dict(enumerate(value))
-    if not isinstance(value, dict):
-        return {key: value}
-    flat: dict[str, Any] = {}
-    for name, item in value.items():
-        flat |= _flatten(item, f"{key}.{name}".removeprefix("."))
-    return flat

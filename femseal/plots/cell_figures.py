@@ -16,7 +16,7 @@ from ..results.load_steps import branches, load_format
 from ..results.results import Results
 from .drawing import LINES, Sheet, add_grid, label_decades, panel_size
 from .map_panels import add_colour_bar
-from .style import GREY, sequential_colours, styled
+from .style import GREY, LINE_STYLES, MARKERS, sequential_colours, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,9 +38,6 @@ _LOAD_BAR_DISTANCE = 0.02
 _CHARACTER_WIDTH = 0.07
 #: The axis of pressures is linear below this fraction of the lowest load, so that it begins at 0.
 _LINEAR_FRACTION = 0.2
-#: Markers and line styles of the branches: the loading, and the unloadings from the highest peak on.
-_MARKERS = "os^Dv"
-_LINE_STYLES = ("-", "--", ":", "-.")
 #: Medians are drawn for the loading and at most this number of unloadings.
 _MOST_MEDIANS = 3
 
@@ -242,7 +239,7 @@ def _draw_points(axes: Axes, cells: _CellValues, x: Array, is_drawn: Flags) -> l
     handles: list[Any] = []
     for number, (name, states) in enumerate(cells.branches):
         is_filled = number == 0  # on loading
-        marker = _MARKERS[number % len(_MARKERS)]
+        marker = MARKERS[number % len(MARKERS)]
         # the first state of an unloading is also a state of the loading, and has already been drawn
         states = states if is_filled else states[~np.isnan(cells.peaks[states])]
         for state in states:
@@ -291,7 +288,7 @@ def _draw_medians(axes: Axes, cells: _CellValues, is_drawn: Flags) -> list[Any]:
             medians,
             color="black",
             lw=1.0,
-            ls=_LINE_STYLES[number % len(_LINE_STYLES)],
+            ls=LINE_STYLES[number % len(LINE_STYLES)],
             label=f"median, {name}",
             path_effects=[withStroke(linewidth=2.2, foreground="white")],
         )

@@ -23,7 +23,7 @@ from .drawing import (
     legend_below,
     length_unit,
 )
-from .style import GREY, MARKERS, sequential_colours, styled
+from .style import GREY, LINE_STYLES, MARKERS, sequential_colours, styled
 
 if TYPE_CHECKING:
     import xarray
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
 
 #: Height of the axes [inch].
 _AXES_HEIGHT = 1.9
-#: Line styles of the loading and of the unloadings.
-_LINE_STYLES = ("-", "--", ":", "-.")
 
 
 def surface_leakage(data: xarray.Dataset) -> Array:
@@ -171,7 +169,7 @@ def _draw_along_x1(
             x1 / unit,
             pressure,
             color=colours[int(np.searchsorted(loads, nominal[step]))],
-            ls=_LINE_STYLES[branch % len(_LINE_STYLES)],
+            ls=LINE_STYLES[branch % len(LINE_STYLES)],
             marker=MARKERS[branch % len(MARKERS)],
             # four markers on each line, at other positions than those of the neighbouring lines
             markevery=(0.1 + 0.03 * (len(lines) % 5), 0.25),

@@ -22,7 +22,7 @@ from .map_panels import (
     is_turned,
     map_row_height,
 )
-from .streamlines import draw_main_path, draw_streamlines
+from .streamlines import draw_streamlines
 from .style import styled
 
 if TYPE_CHECKING:
@@ -132,8 +132,8 @@ def realisation_figure(data: xarray.Dataset, step: int) -> Figure:
         is_inside = (is_right_of_low & is_left_of_high).all(axis=1)
         _draw_tiles(axes, corners[is_inside] / unit, panel.values, is_inside)
         if panel.values.streamlines and flow.max() > 0:
-            draw_streamlines(axes, corners / unit, flux, panel.values.streamlines)
-            draw_main_path(axes, corners / unit, flux, centre_of_largest_flow / unit)
+            start = centre_of_largest_flow / unit
+            draw_streamlines(axes, corners / unit, flux, panel.values.streamlines, start)
     number = data["drawn_corners"].attrs["realisation"]
     title = f"{load_names(data)[step]}\nrealisation {number}, nearest to the median"
     if not flow.max() > 0:

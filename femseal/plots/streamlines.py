@@ -124,7 +124,9 @@ def _lies_in_a_tile(points: Array, corners: Array, tolerance: float) -> Flags:
     return np.asarray(is_inside.any(axis=-1))
 
 
-def draw_streamlines(axes: Axes, corners: Array, flux: Array, colour: str) -> None:
+def draw_streamlines(
+    axes: Axes, corners: Array, flux: Array, colour: str, start: Array | None = None
+) -> None:
     """Draw the streamlines of the flow over a map of the seal. Streamlines are thicker where the flow is stronger.
 
     Parameters
@@ -137,16 +139,17 @@ def draw_streamlines(axes: Axes, corners: Array, flux: Array, colour: str) -> No
         Flow per unit width in each tile, as components along the axes.
     colour : str
         Colour of the lines.
+    start : array (2,), optional
+        Point whose streamline is drawn as a thick line from the inlet to the outlet, if the point is in the panel.
     """
     grid = _interpolate_flow(axes, corners, flux)
     magnitude = np.nan_to_num(grid.magnitude)
     if not magnitude.max() > 0:
         return
+    flow = grid.x, grid.y, grid.flux[..., 0], grid.flux[..., 1]
     widths = _NARROWEST + (_WIDEST - _NARROWEST) * np.sqrt(magnitude / magnitude.max())
     axes.streamplot(
-        grid.x,
-        grid.y,
-        *np.moveaxis(grid.flux, -1, 0),
+        *flow,
         color=colour,
         linewidth=widths,
         density=_density(axes),
@@ -154,29 +157,21 @@ def draw_streamlines(axes: Axes, corners: Array, flux: Array, colour: str) -> No
         arrowsize=0.5,
         arrowstyle="->",
     )
-    _restore_limits(axes, grid)
-
-
-def draw_main_path(axes: Axes, corners: Array, flux: Array, start: Array) -> None:
-    """Draw the streamline through the point `start` (2,) as a thick line from the inlet to the outlet."""
-    grid = _interpolate_flow(axes, corners, flux)
-    is_inside = grid.x[0] <= start[0] <= grid.x[-1] and grid.y[0] <= start[1] <= grid.y[-1]
-    if not is_inside:
-        return
-    streams = axes.streamplot(
-        grid.x,
-        grid.y,
-        *np.moveaxis(grid.flux, -1, 0),
-        start_points=start[None],
-        color=_PATH_COLOUR,
-        linewidth=_PATH_WIDTH,
-        minlength=_SHORTEST,
-        density=_PATH_DENSITY,
-        arrowsize=0.7,
-        zorder=3,
-    )
-    streams.lines.set_label("path")
-    _restore_limits(axes, grid)
+    low, high = (grid.x[0], grid.y[0]), (grid.x[-1], grid.y[-1])
+    if start is not None and np.all(start >= low) and np.all(start <= high):
+        streams = axes.streamplot(
+            *flow,
+            start_points=start[None],
+            color=_PATH_COLOUR,
+            linewidth=_PATH_WIDTH,
+            minlength=_SHORTEST,
+            density=_PATH_DENSITY,
+            arrowsize=0.7,
+            zorder=3,
+        )
+        streams.lines.set_label("path")
+    # `streamplot` has changed the limits
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
 
 
 def _density(axes: Axes) -> tuple[float, float]:
@@ -187,8 +182,3 @@ def _density(axes: Axes) -> tuple[float, float]:
     """
     along_x, along_y = np.maximum(_DENSITY_PER_INCH * panel_size(axes), _LEAST_DENSITY)
     return along_x, along_y
-
-
-def _restore_limits(axes: Axes, grid: _FlowGrid) -> None:
-    """Restore the limits of the axes, because `streamplot` changes them."""
-    axes.set(xlim=(grid.x[0], grid.x[-1]), ylim=(grid.y[0], grid.y[-1]))

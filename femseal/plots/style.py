@@ -74,6 +74,8 @@ STYLES: tuple[dict[str, Any], ...] = (
     {"color": "#000000", "ls": (0, (8, 2))},
 )
 MARKERS = "os^DvP"
+#: Line styles of the loading and of the unloadings in pictures whose colours show the load.
+LINE_STYLES = ("-", "--", ":", "-.")
 GREY = "#666666"
 #: Part of the colour map "viridis" that is used for lines and points; brighter colours are hardly visible on white.
 _LINE_COLOURS = (0.0, 0.88)

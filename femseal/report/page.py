@@ -18,6 +18,7 @@ from ..base import (
     AnyPath,
     FemsealError,
     InputError,
+    flatten,
     format_deviation,
     number_text,
     to_text,
@@ -161,7 +162,7 @@ def page_template() -> Template:
     )
     environment.filters |= {
         "deviation": format_deviation,
-        "flat": flatten,
+        "flat": flat_lines,
         "number": number_text,
         "parsed": json.loads,
         "si": to_text,
@@ -185,24 +186,16 @@ def _cells_of_half_drop(data: xarray.Dataset, step: int) -> int:
     return int(np.searchsorted(np.cumsum(largest_first), 0.5)) + 1
 
 
-def flatten(value: Any, name: str = "") -> list[tuple[str, str]]:
-    """Convert nested tables and lists to a flat list of pairs. Each pair is a dotted key and its value as text.
+def flat_lines(table: dict[str, Any]) -> list[tuple[str, str]]:
+    """Convert nested tables to pairs of a dotted key and its value as text.
 
-    >>> flatten({"load": {"loading": [1e6, 2e6]}, "face": [{"kind": "file"}]})
+    >>> flat_lines({"load": {"loading": [1e6, 2e6]}, "face": [{"kind": "file"}]})
     [('load.loading', '1e+06, 2e+06'), ('face.0.kind', 'file')]
     """
-    if isinstance(value, list):
-        if not any(isinstance(item, dict) for item in value):
-            return [(name, ", ".join(map(_plain_text, value)))]
-        value = dict(enumerate(value))  # a list of tables: the keys are the positions
-    if not isinstance(value, dict):
-        return [(name, _plain_text(value))]
-    lines = []
-    for key, item in value.items():
-        lines += flatten(item, f"{name}.{key}".lstrip("."))
-    return lines
+    return [(key, _plain_text(value)) for key, value in flatten(table).items()]
 
 
 def _plain_text(value: Any) -> str:
-    """Convert a value to text. A float is written with at most six significant digits."""
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    """Convert a value or a list of values to text. A float is written with at most six significant digits."""
+    items = value if isinstance(value, list) else [value]
+    return ", ".join(f"{item:g}" if isinstance(item, float) else str(item) for item in items)

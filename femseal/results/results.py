@@ -382,7 +382,7 @@ class Results(Plotted):
 
     def plot_cells(self) -> Any:
         """Plot the permeability of the cells against their mean gap and their contact pressure, see `cells_figure`."""
-        return display_package("plots").shown(display_package("plots").cells_figure(self))
+        return self.plot.cells()
 
     def plot_pieces(self) -> Any:
         """Plot the permeability of the cells (former name of `plot_cells`)."""
@@ -391,7 +391,7 @@ class Results(Plotted):
 
     def plot_seal(self, step: int | None = None) -> Any:
         """Plot contact pressure, gap and fluid pressure over the seal at one step, see `seal_figure`."""
-        return display_package("plots").shown(display_package("plots").seal_figure(self, step))
+        return self.plot.seal(step)
 
     def report(self, path: AnyPath | None = None) -> Path:
         """Write the report, by default as `report.html` in the folder of the results, see `write_report`."""

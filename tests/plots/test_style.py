@@ -22,7 +22,7 @@ from femseal.plots.heights import draw_heights, survey_figure
 from femseal.plots.leakage_panels import BandHandle, LeakageCurves, leakage_panel
 from femseal.plots.maps import default_step, relative_flow
 from femseal.plots.realisations import realisation_figure
-from femseal.plots.streamlines import draw_main_path, draw_streamlines
+from femseal.plots.streamlines import draw_streamlines
 from femseal.plots.style import PAGE, rendered
 from femseal.results import assemble
 from femseal.results.file_options import read_formats
@@ -226,8 +226,7 @@ def test_a_narrow_ring_has_streamlines_and_its_path():
     middle = corners.mean(axis=1)
     axes = Figure(figsize=(3, 3)).add_axes((0, 0, 1, 1))
     axes.set(xlim=(-12, 12), ylim=(-12, 12))
-    draw_streamlines(axes, corners, middle, "white")
-    draw_main_path(axes, corners, middle, middle[20])
+    draw_streamlines(axes, corners, middle, "white", middle[20])
     lines, path = (np.concatenate(lines.get_segments()) for lines in axes.collections)
     assert len(lines) > 50
     radius = np.hypot(*path.T)
