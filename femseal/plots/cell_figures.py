@@ -14,7 +14,7 @@ from ..base import Array, Flags, Indices, InputError, Pair
 from ..flow.law import cubic_law
 from ..results.load_steps import branches, load_format
 from ..results.results import Results
-from .drawing import LINES, Sheet, add_grid, label_decades, panel_size
+from .drawing import LINES, Sheet, add_grid, label_decades, panel_size, write_in_the_middle
 from .map_panels import add_colour_bar
 from .style import GREY, LINE_STYLES, MARKERS, sequential_colours, styled
 
@@ -217,8 +217,7 @@ def _begin_panel(axes: Axes, is_drawn: Flags) -> None:
     axes.set_ylabel("permeability $k_1$ towards the outlet [m³]")
     add_grid(axes)
     if not is_drawn.any():
-        style: Any = {"xycoords": "axes fraction", "ha": "center", "color": GREY}
-        axes.annotate("every cell is sealed", (0.5, 0.5), **style)
+        write_in_the_middle(axes, "every cell is sealed")
 
 
 def _set_permeability_axis(axes: Axes, lowest: float, highest: float) -> None:

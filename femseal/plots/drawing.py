@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..base import Array, InputError, number_text
-from .style import DPI, PAGE, png, styled
+from .style import DPI, GREY, PAGE, png, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -161,6 +161,11 @@ def add_grid(axes: Axes) -> None:
     """Add grid lines to the axes, behind all lines and points."""
     axes.grid(visible=True)
     axes.set_axisbelow(True)
+
+
+def write_in_the_middle(axes: Axes, text: str) -> None:
+    """Write a text in the middle of a panel that shows nothing else."""
+    axes.annotate(text, (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY)
 
 
 def set_load_axis(axes: Axes, loads: Array) -> None:

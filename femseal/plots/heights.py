@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 
 from ..base import Array, Flags, Pair, counted, to_text
 from ..topography import SPIKES, Conditioning, Patches, Surface, SurfaceReport, Topography
-from .drawing import LINES, MAP, Sheet, add_grid, label_decades, length_unit, shows
+from .drawing import (
+    LINES,
+    MAP,
+    Sheet,
+    add_grid,
+    label_decades,
+    length_unit,
+    shows,
+    write_in_the_middle,
+)
 from .map_panels import (
     add_key,
     add_shade,
@@ -167,17 +176,12 @@ def heights_figure(topography: Surface) -> Figure:
     _draw_profiles(sheet.panel(1, LINES), topography)
     density_axes = sheet.panel(2, _TWO_LINES)
     if topography.undefined_fraction:
-        _write_in_the_middle(density_axes, "no spectral density with undefined points")
+        write_in_the_middle(density_axes, "no spectral density with undefined points")
+        density_axes.set(xticks=[], yticks=[])
     else:
         longest_patch = max(topography.patches, key=lambda patch: patch.shape[1])
         _draw_profile_densities(density_axes, longest_patch)
     return sheet.figure
-
-
-def _write_in_the_middle(axes: Axes, text: str) -> None:
-    """Write a text in the middle of an empty panel."""
-    axes.annotate(text, (0.5, 0.5), xycoords="axes fraction", ha="center", color=GREY)
-    axes.set(xticks=[], yticks=[])
 
 
 def _draw_profiles(axes: Axes, topography: Surface) -> None:

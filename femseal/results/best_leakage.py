@@ -15,7 +15,6 @@ import numpy as np
 
 from ..base import Array, Flags
 from ..base.leak_rates import LeakBasis
-from ..base.leak_units import LEAK_UNITS, LeakUnit, leakage_unit
 from ..budget import MODEL_PARTS, ErrorBudget, ErrorPart
 from ..studies import STUDIES, Study
 from .load_steps import load_programme
@@ -95,26 +94,6 @@ def leak_basis_of(data: xarray.Dataset, prefix: str = "") -> LeakBasis:
         if f"{prefix}{attribute}" in attrs:
             values[name] = float(attrs[f"{prefix}{attribute}"])
     return LeakBasis(**values)
-
-
-def asked_unit(data: xarray.Dataset) -> LeakUnit | None:
-    """Return the leakage unit given in the case, or None if there is none.
-
-    The unit of the case may suit only the service fluid or only the test fluid, because units for gases do not suit
-    liquids.
-    """
-    return LEAK_UNITS.get(data.attrs.get("leakage_unit", ""))
-
-
-def unit_of_leakage(data: xarray.Dataset) -> LeakUnit:
-    """Return the unit in which tables and pictures show the leakage.
-
-    If the case gives no suitable unit, the unit is a leakage per length of the seal, chosen to give readable numbers.
-    """
-    asked = asked_unit(data)
-    if asked is not None and leak_basis_of(data).has(asked):
-        return asked
-    return LEAK_UNITS[leakage_unit(best_leakage(data).values)[1]]
 
 
 # --- error budgets ----------------------------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from typing import Any, cast
 import numpy as np
 import xarray
 
-from ..base import InputError, Pair, counted, versions
+from ..base import InputError, counted, versions
 from ..base.fields import CELL, FACE, STEP, Field, fields_of
 from ..base.leak_rates import LeakBasis, leak_classes
 from ..base.leak_units import leak_unit
@@ -224,7 +224,7 @@ def _add_studies(
         gap = gaps[-1] if gaps else None
         variables.add_patches(data, cast(Patches, scene.surface), patch_results[0], gap)
     if "row" in data.sizes:
-        _add_row_coordinate(data, _width_of_rows(scene, by_key))
+        _add_row_coordinate(data, scene, by_key)
     _add_heights(data, scene)
     first_result = next(iter(by_key.values()))
     fraction = first_result.contact_fraction_at(scene.steps)
@@ -242,20 +242,17 @@ def _result_with_realisations(by_key: Mapping[str, StudyResult]) -> StochasticRe
     return None
 
 
-def _width_of_rows(scene: Scene, by_key: Mapping[str, StudyResult]) -> float:
-    """Return the total width of the rows whose mean contact pressure is stored, from inlet to outlet [m].
+def _add_row_coordinate(
+    data: xarray.Dataset, scene: Scene, by_key: Mapping[str, StudyResult]
+) -> None:
+    """Add a coordinate with the centres of the rows whose mean contact pressure is stored, from inlet to outlet.
 
-    This is the width of the seal if the pressures are stored for the rows of a whole seal, and otherwise the width of
-    the surface.
+    The rows are those of a whole seal if their pressures are stored, and otherwise those of the surface.
     """
     seals = _result_with_realisations(by_key)
+    width = scene.surface.size[0]
     if seals is not None and seals.row_pressure is not None:
-        return seals.seal.size[0]
-    return scene.surface.size[0]
-
-
-def _add_row_coordinate(data: xarray.Dataset, width: float) -> None:
-    """Add a coordinate with the row centres between inlet and outlet, whose distance is `width` [m]."""
+        width = seals.seal.size[0]
     count = data.sizes["row"]
     centres = (np.arange(count) + 0.5) * (width / count)
     variables.add_coordinate(data, "row", "m", "x1 of rows, from the inlet", centres)
@@ -326,7 +323,13 @@ def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts
         size = tiles.size
         seal = scene.layout
         tile_attributes = {"tiles": str(tiles), "tiles_in_order": int(tiles.in_order)}
-    basis = _leak_basis(scene, size, facts)
+    basis = leak_basis(
+        scene.fluid,
+        float(size[1]),
+        facts.throughput_temperature,
+        pressure_drop=FluidState.of(scene).pressure_drop,
+        **facts.valve,
+    )
     attributes = {
         "title": "Leakage of a metal-to-metal seal over a load cycle",
         "Conventions": "CF-1.11",
@@ -357,24 +360,6 @@ def _attributes(scene: Scene, by_key: Mapping[str, StudyResult], facts: RunFacts
     if facts.case.get("seed") is not None:
         attributes["seed"] = facts.case["seed"]
     return attributes
-
-
-def _leak_basis(scene: Scene, size: Pair, facts: RunFacts) -> LeakBasis:
-    """Return the seal length and the fluid properties that are needed to convert a leakage to other units.
-
-    Parameters
-    ----------
-    scene : input of the studies, which contains the fluid.
-    size : width of the seal from inlet to outlet, and length of the seal [m].
-    facts : further facts of the run.
-    """
-    return leak_basis(
-        scene.fluid,
-        float(size[1]),
-        facts.throughput_temperature,
-        pressure_drop=FluidState.of(scene).pressure_drop,
-        **facts.valve,
-    )
 
 
 def _solver_attributes(

@@ -24,7 +24,7 @@ from ..base import (
     to_text,
 )
 from ..base.leak_rates import LeakBasis
-from ..base.leak_units import LeakUnit, leak_unit
+from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..base.text import display_package
 from ..budget import ErrorBudget
 from ..loads import LoadProgramme
@@ -127,7 +127,10 @@ class Results(Plotted):
         Tables and pictures use the unit of the case, if this unit suits the fluid. If the case gives no suitable unit,
         a unit of leakage per unit seal length is chosen so that the numbers are easy to read.
         """
-        return best_leakage.unit_of_leakage(self.dataset)
+        asked = self.asked_unit
+        if asked is not None and self.leak_basis.has(asked):
+            return asked
+        return LEAK_UNITS[leakage_unit(self.leakage.values)[1]]
 
     @property
     def asked_unit(self) -> LeakUnit | None:
@@ -136,7 +139,7 @@ class Results(Plotted):
         The unit of the case may suit only the service fluid or only the test fluid, because units for gases do not suit
         liquids.
         """
-        return best_leakage.asked_unit(self.dataset)
+        return LEAK_UNITS.get(self.dataset.attrs.get("leakage_unit", ""))
 
     @property
     def leak_scale(self) -> tuple[LeakUnit, float]:
