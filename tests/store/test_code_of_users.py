@@ -66,7 +66,6 @@ class Plain:
         "".join,
         iter([1]),
     ],
-    ids=str,
 )
 def test_the_code_of_users_and_objects_of_c_code_have_no_digest(value):
     for wrapped in (value, {"within": [value]}, partial(len, value)):
