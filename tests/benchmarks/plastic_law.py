@@ -602,7 +602,8 @@ def intervals(rows):
             0.0, loading=loads[0], unload_from=loads[0][-1:], unloading=loads[1],
         )  # fmt: skip
         laws = [cut_off_of(row) for row in cycle]
-        study = SimpleNamespace(contact_fraction=[law["area"] for law in laws])
+        areas = np.array([law["area"] for law in laws])
+        study = SimpleNamespace(contact_fraction_at=lambda _steps, areas=areas: areas)
         for axis in ("k1", "k2"):
             law, solid = (
                 np.array([law[axis] for law in laws]),
