@@ -11,7 +11,9 @@ from math import log, pi, sqrt
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-# former home of these two functions, which is still accepted
+# former home of Persson's theory, which is still accepted
+from .persson import CLOSING_AREA as CLOSING_AREA
+from .persson import Junction as Junction
 from .persson import critical_junction as critical_junction
 from .persson import persson_area as persson_area
 

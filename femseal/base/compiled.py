@@ -157,13 +157,14 @@ def entry_point(function: Any, *arguments: Any) -> Callable[..., Any]:
     named tuples of 17 arrays, a call then takes 3.2 µs, as long as a whole loop on a small grid. A call of the entry
     point takes 0.8 µs. It does not check the types of its arguments.
 
-    arguments : arguments of a typical call, which determine the types. They only matter in the first call.
+    arguments : arguments of a typical call, which determine the types.
     """
-    if function not in _entry_points:
-        types = tuple(typeof(argument) for argument in arguments)
+    types = tuple(typeof(argument) for argument in arguments)
+    key = function, types
+    if key not in _entry_points:
         function.compile(types)
-        _entry_points[function] = function.get_overload(types)
-    return _entry_points[function]
+        _entry_points[key] = function.get_overload(types)
+    return _entry_points[key]
 
 
 def leader(**options: Any) -> Callable[[Any], Any]:

@@ -34,6 +34,8 @@ from ..store.store import SUFFIX
 FOLDER = ".checkpoint"
 #: File in the folder of the store, with everything on which the results depend.
 MANIFEST = "manifest.json"
+#: Key of an identity with user-defined classes, whose runs cannot be resumed.
+USER_CODE = "code of registered classes"
 #: Largest size of a manifest [byte].
 _LARGEST_MANIFEST = 1e8
 #: Largest number of changed keys that a message lists.
@@ -153,8 +155,8 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
     Raises
     ------
     InputError
-        The manifest cannot be read, or its identity differs from `identity`. The message lists the keys whose values
-        differ.
+        The manifest cannot be read, its identity differs from `identity`, or the run uses classes of the user. The
+        message lists the keys whose values differ.
     """
     path = store_folder(output) / MANIFEST
     try:
@@ -165,6 +167,10 @@ def resumable(output: Path, identity: dict[str, Any]) -> bool:
         given = f"'{path}', which cannot be read ({error})"
         expected = f"an intact file; remove '{path.parent}' to start anew"
         raise InputError("resume", given, expected) from None
+    if USER_CODE in identity:
+        given = "a run with a class of your own, whose code may have changed"
+        expected = f"a new start, for which you remove '{path.parent}'"
+        raise InputError("resume", given, expected)
     old = flatten(stored_identity)
     # JSON turns tuples into lists, as in the manifest
     new = flatten(json.loads(json.dumps(identity)))

@@ -122,7 +122,7 @@ class FlowLaw(ABC):
             warnings.warn(
                 "length is scale_parameter now; also set homogeneous = True if it is empty",
                 DeprecationWarning,
-                stacklevel=2,
+                stacklevel=3,
             )
             cls.scale_parameter = former
             cls.homogeneous = not former

@@ -62,7 +62,7 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     # the settings that the program chooses may have changed with its version or with the code of the user
     prepared = prepare(case)
     has_same_settings = former_settings == chosen_settings(case, prepared)
-    if has_same_settings and results.case == echo:
+    if has_same_settings and _with_sorted_sources(results.case) == _with_sorted_sources(echo):
         return results
     if not has_same_settings or _needs_new_fields(results.case["output"], echo["output"]):
         log.info("the results in %s lack fields, or have other settings: they are replaced", folder)
@@ -122,7 +122,16 @@ def remove_stored_stages(folder: Path, identity: dict[str, Any]) -> None:
 
 def _without_file_keys(echo: dict[str, Any]) -> dict[str, Any]:
     """Return a copy of a case without the keys that only control which files are written."""
+    echo = _with_sorted_sources(echo)
     output = {key: value for key, value in echo.get("output", {}).items() if key not in FILE_KEYS}
+    return {**echo, "output": output}
+
+
+def _with_sorted_sources(echo: dict[str, Any]) -> dict[str, Any]:
+    """Return a copy of a case with the error sources in a fixed order, which may differ between versions."""
+    output = dict(echo.get("output", {}))
+    if "model_parts" in output:
+        output["model_parts"] = sorted(output["model_parts"])
     return {**echo, "output": output}
 
 

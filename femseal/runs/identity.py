@@ -10,6 +10,7 @@ from uuid import uuid4
 from ..base import InputError, numerical_versions
 from ..case.case import Case
 from ..case.table_types import makers_in
+from ..execution.resuming import USER_CODE
 from ..preparation.prepared import Prepared
 from ..refinement.settings import first_settings, first_version
 from ..store.digests import is_known
@@ -43,14 +44,14 @@ def face_files(case: Case) -> dict[str, str]:
 
 
 def user_code(case: Case) -> dict[str, str]:
-    """Distinguish runs whose case contains user-defined classes: fluids, seal shapes, seats and forms.
+    """Return a mark that never repeats if a case contains user-defined classes: fluids, seal shapes, seats and forms.
 
-    The dictionary is empty if the case contains no user-defined classes. Otherwise, its value differs in each call, so
-    that no earlier result is reused: the code of such a class may have changed.
+    No earlier result is reused then, because the code of such a class may have changed. The dictionary is empty if the
+    case contains no user-defined classes.
     """
     if all(is_known(maker.__module__) for maker in makers_in(case)):
         return {}
-    return {"code of registered classes": uuid4().hex}
+    return {USER_CODE: uuid4().hex}
 
 
 def chosen_settings(case: Case, original: Prepared) -> dict[str, Any]:

@@ -32,7 +32,7 @@ from ..store.store import Store
 from ..studies.compiling import compile_ahead
 from .finished_run import finished_results, refuse_finished, remove_stored_stages
 from .forecast import refuse_too_large
-from .identity import face_files, run_identity
+from .identity import face_files, run_identity, user_code
 from .solving import solve_case
 
 log = logging.getLogger("femseal")
@@ -201,6 +201,8 @@ def _write(results: Results, folder: Path, case: Case, mapper: Mapper) -> None:
     except Exception as error:
         is_explained = isinstance(error, FemsealError)
         reason = str(error) if is_explained else f"results: {error or type(error).__name__}"
-        text = f"{reason}; fix that, and run again with --resume, which only writes the files"
+        can_resume = not user_code(case)
+        resume = " with --resume, which only writes the files" if can_resume else ""
+        text = f"{reason}; fix that, and run again{resume}"
         raise FemsealError(text) from error
     remove_run(folder)

@@ -500,9 +500,9 @@ class ElementSeal:
 
         tensors : array (n, 2, 2), permeability in the coordinates of the mesh.
         """
-        check_solver(solver, self.solvers)
         # whether principal axes are not parallel to the coordinate axes of the mesh
         is_oblique = bool(tensors[:, 0, 1].any())
+        check_solver(solver, MESH_SOLVERS if is_oblique else self.solvers)
         needs_mesh = solver in SPARSE_SOLVERS or is_oblique
         return self.rectangles is not None and not needs_mesh
 

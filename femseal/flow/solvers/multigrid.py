@@ -179,7 +179,7 @@ def _iterate(network, row_drop, settings):
     unbalanced = 0.0  # difference between inlet and outlet flow, and between flow and energy
     # largest accepted square of the relative error of φ, from the tolerance of the flow rate and from that of φ
     allowed = min(settings.rtol, settings.field**2)
-    largest_imbalance = 3.0 * max(np.sqrt(settings.rtol), 1e-6)
+    largest_imbalance = min(3.0 * max(np.sqrt(settings.rtol), 1e-6), 0.5)
     drainage = no_drainage()
     ratio_to_bound = _EXPECTED_RATIO if settings.field == np.inf else _EXPECTED_RATIO_OF_FIELD
     error = np.inf
