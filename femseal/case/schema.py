@@ -39,8 +39,7 @@ class _CaseSchema(GenerateJsonSchema):
 def case_schema() -> dict[str, Any]:
     """Return the JSON schema of case files, with their tables, their keys and the types of their values.
 
-    The schema contains neither the ranges of
-    quantities nor the relations between keys, which only `load_case` checks.
+    The schema contains neither the ranges of quantities nor the relations between keys, which only `load_case` checks.
     """
     schema = Case.model_json_schema(
         ref_template="#/definitions/{model}", schema_generator=_CaseSchema

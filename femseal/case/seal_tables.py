@@ -130,7 +130,7 @@ class SealTable(ParameterTable):
     if TYPE_CHECKING:
         lay: Any
     makers = LAYOUTS
-    form: Annotated[tuple[AnyForm, ...], BeforeValidator(as_tables), Field(max_length=4)] | None = (
+    form: Annotated[tuple[AnyForm, ...], Field(max_length=4), BeforeValidator(as_tables)] | None = (
         key("form of the whole seal; several forms are added", None, since="0.2")
     )
     flatness: Annotated[Length, UsualRange(1e-8, 1e-2, "m")] | None = key(

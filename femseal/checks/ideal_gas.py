@@ -201,7 +201,7 @@ def _closest_in_mass(gas: Any) -> str:
 def _has_viscosity(name: str) -> bool:
     """Return whether CoolProp can compute the viscosity of a fluid.
 
-    name : name of the fluid in `CoolProp`, see `_name_in_coolprop`.
+    name : name of the fluid in CoolProp, one of the values of `names_in_coolprop`.
     """
     import CoolProp
 

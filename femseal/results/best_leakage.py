@@ -102,7 +102,7 @@ def leak_basis_of(data: xarray.Dataset, prefix: str = "") -> LeakBasis:
 def error_budgets(data: xarray.Dataset) -> dict[str, ErrorBudget]:
     """Return the error budgets by the key of their study, such as "two_scale".
 
-    A method without an error budget is not in the dictionary.
+    A method without an error budget is not in the dictionary, nor is a study that is not in `STUDIES` now.
     """
     steps = load_programme(data)
     # note on each source of error, by method and source
@@ -110,7 +110,9 @@ def error_budgets(data: xarray.Dataset) -> dict[str, ErrorBudget]:
     studies = {study.key: study for study in STUDIES.values()}
     budgets = {}
     for method, notes_by_source in notes.items():
-        study = studies[method]
+        study = studies.get(method)
+        if study is None:
+            continue
         lower = data[f"leakage_{method}_budget_part_lower"]
         upper = data[f"leakage_{method}_budget_part_upper"]
         parts = []

@@ -275,6 +275,8 @@ def _add_surface_study(
     if result.cells is None:
         return
     cell_fields = [pair for pair in fields_of(result.cells) if pair[0].dimensions == CELL]
+    if not cell_fields:
+        return
     _, first_values = cell_fields[0]
     variables.add_cell_centres(data, "", Cut.of(scene.surface, first_values.shape[1:]))
     for declaration, values in cell_fields:

@@ -11,7 +11,7 @@ from typing import Any
 import xarray
 
 from ..base import AnyPath, InputError, free_memory, made_folder, shortened, write_bytes
-from ..seal.layouts import RectangularLayout
+from ..seal.layouts import AnnularLayout, MeshLayout, RectangularLayout
 from .best_leakage import best_study, solved_studies
 from .results import Results
 
@@ -148,11 +148,24 @@ def _with_present_names(data: xarray.Dataset) -> xarray.Dataset:
 
 def _with_all_attributes(data: xarray.Dataset) -> xarray.Dataset:
     """Add the attributes that earlier versions of femseal did not store."""
-    case = json.loads(data.attrs["case"])
+    if "seal_kind" in data.attrs:
+        return data
     kind = RectangularLayout.kind
     if best_study(data).has_realisations:
-        kind = (case.get("seal") or {}).get("kind", kind)
-    return data.assign_attrs({"seal_kind": kind} | data.attrs)
+        case = json.loads(data.attrs["case"])
+        kind = (case.get("seal") or {}).get("kind") or _kind_in_text(data.attrs.get("seal", ""))
+    return data.assign_attrs(seal_kind=kind)
+
+
+def _kind_in_text(seal: str) -> str:
+    """Return the kind of a seal from its description, such as "a strip, lay x1".
+
+    A file that an earlier version wrote from Python without a case states the kind nowhere else. These files no longer
+    change, so that nothing depends on how the present version words its descriptions.
+    """
+    if not seal or seal.startswith("a strip"):
+        return RectangularLayout.kind
+    return AnnularLayout.kind if seal.startswith("a ring") else MeshLayout.kind
 
 
 def _check_attributes(data: xarray.Dataset) -> None:

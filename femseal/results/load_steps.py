@@ -26,7 +26,7 @@ class LoadFormat(NamedTuple):
     Attributes
     ----------
     unit : unit of force; "" if the case gives pressures.
-    per_pascal : force in this unit for a nominal pressure of 1 Pa.
+    per_pascal : force in this unit for a nominal pressure of 1 Pa; not used if `unit` is empty.
     digits : number of significant digits.
     """
 

@@ -540,12 +540,7 @@ def equivalent_width(results: Results) -> float:
     _check_uniform_pressure(results)
     # from inlet to outlet, and along the seal; for a ring, the length is its mean circumference
     width, length = results.dataset.attrs["seal_size_m"]
-    # without realisations, the seal is a strip as large as the face
-    if not results.best_study.has_realisations:
-        return float(width)
-    kind = results.case.get("seal", {}).get("kind") if results.case else None
-    if kind is None and results.scene is not None:
-        kind = results.scene.layout.kind
+    kind = results.dataset.attrs["seal_kind"]
     if kind == MeshLayout.kind:
         raise InputError("results", "a seal whose shape is a mesh", "a strip or a ring")
     if kind == AnnularLayout.kind:

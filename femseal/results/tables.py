@@ -364,7 +364,10 @@ def attempt_sentences(attempts: dict[str, Any]) -> list[str]:
     if attempts["why"]:
         sentences.append(f"No further attempt: {attempts['why']}.")
     # the reason why there was no further attempt says already why the error cannot be halved
-    is_reason_stated = attempts["why"] and not attempts.get("can_halve_error", True)
+    can_halve = attempts.get("can_halve_error")
+    if can_halve is None:  # in a record of an earlier version, only the text says so
+        can_halve = not attempts["half_error"].startswith("not possible")
+    is_reason_stated = attempts["why"] and not can_halve
     if has_error and not is_reason_stated:
         sentences.append(f"Half the error: {attempts['half_error']}.")
     return sentences

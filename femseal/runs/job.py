@@ -133,7 +133,8 @@ def run(
         prepared = prepare(case)
         if scheduler is None:
             refuse_too_large(case, prepared)
-        has_mirrors = "mirror" in prepared.scene.boundary or "blocks" in prepared.methods
+        studies_use_mirrors = any(study.uses_mirrors for study in prepared.studies)
+        has_mirrors = "mirror" in prepared.scene.boundary or studies_use_mirrors
         compile_first = partial(compile_ahead, progress=progress, has_mirrors=has_mirrors)
         mapper = enter(ordered_map(workers, scheduler, compile_first))
         if folder is None:

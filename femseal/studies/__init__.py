@@ -4,7 +4,7 @@
 of the surface. `by_blocks` solves a surface that is too large for the memory of the machine block by block.
 `stochastic` solves seals of any size and shape, whose tiles take random cells of the surface. All studies take a
 `Scene`. The dictionary `STUDIES` describes each study to a run: how it is solved, what it costs and what its result
-contains.
+contains. A file …_type describes a study to a run; it loads no solver.
 
     face_study          deterministic and two-scale study; their result is in face_result
     cell_states         cells of a surface in several contact states

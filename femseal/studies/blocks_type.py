@@ -24,6 +24,7 @@ class BlocksStudy(Study):
     marker = ("s", 5)
     needs_equal_cells = True
     solves_whole_surface = False
+    uses_mirrors = True
     patch_source = "blocks"
 
     def solve(self, scene: Scene, options: StudyOptions, mapper: Mapper) -> BlocksResult:

@@ -111,7 +111,8 @@ class SurfaceResult(Shown):
     """Base class of the results of studies that solve a surface, without realisations of a whole seal.
 
     A result is a frozen dataclass derived from this class. It defines the members of `StudyResult` that are missing
-    here, and overrides those that it knows better.
+    here: method, steps, leakage, cells, patches, patch_state, solvers, quick_estimate, failures and warnings. It
+    overrides those that it knows better.
     """
 
     kind: ClassVar[str] = ""

@@ -64,7 +64,8 @@ class Study:
     #: Marker and its size [points] in pictures in which another study gives the curve.
     marker: ClassVar[tuple[str, float]] = ("o", 4)
     #: Study whose result is part of the result of this study, with the same leakage. A run that contains both solves
-    #: only this study, and the error budget of this study is computed with the contained study.
+    #: only this study. For the error budget, the versions of the input are solved with the contained study, which is
+    #: faster and has the same leakage.
     contained: ClassVar[Study | None] = None
 
     #: Table that a case with this study must have, "" for none.
@@ -76,10 +77,14 @@ class Study:
     needs_cells: ClassVar[bool] = True
     #: Whether all cells must have the same number of points.
     needs_equal_cells: ClassVar[bool] = False
-    #: Whether the study itself chooses the cells if the case does not specify them.
+    #: Whether the study can choose the cells together with the tiles of the seal. If the case does not specify the
+    #: cells, and all studies with cells have this property, the cells are left open (None) until then. In a run with
+    #: other studies, `usual_cells` is used.
     chooses_cells: ClassVar[bool] = False
     #: Whether the study solves contact and flow of the whole surface at once.
     solves_whole_surface: ClassVar[bool] = True
+    #: Whether the study solves the contact of mirrored surfaces, whatever the boundary of the surface is.
+    uses_mirrors: ClassVar[bool] = False
     #: Whether the result has fields over all pixels of the surface, at every load step.
     has_pixel_fields: ClassVar[bool] = False
     #: Name of the error source that describes the limited size of the measured patch, or of what is solved at once.
@@ -162,7 +167,10 @@ class Study:
         return self.solves_whole_surface
 
     def state_count(self, scene: Scene, options: StudyOptions) -> int:
-        """Estimate the number of contact states that the study solves."""
+        """Estimate the number of contact states that the study solves.
+
+        The number is used only if no study of the run stores its states.
+        """
         return len(scene.steps)
 
     def other_stored_bytes(self, scene: Scene, options: StudyOptions) -> float:

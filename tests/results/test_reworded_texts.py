@@ -12,11 +12,13 @@ from small_cases import steel_scene
 import femseal as fs
 from femseal.plots.realisations import _axis_names
 from femseal.results import RunFacts, assemble
+from femseal.results.best_leakage import error_budgets
 from femseal.results.class_loads import common_load_text
-from femseal.results.dataset_file import save
+from femseal.results.dataset_file import _with_all_attributes, save
 from femseal.results.load_steps import LoadFormat, given_loads, load_format
 from femseal.results.tables import attempt_sentences
 from femseal.seal.layouts import AnnularLayout, RectangularLayout
+from femseal.studies import STUDIES
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +91,29 @@ def test_a_file_without_the_kind_of_its_seal_can_be_read(study, tmp_path):
     assert fs.open_results(tmp_path).dataset.attrs["seal_kind"] == "rectangular"
 
 
+@pytest.mark.parametrize(
+    ("case", "seal", "kind"),
+    [
+        ({}, "a strip, lay x1", "rectangular"),
+        ({}, "a ring between the radii 5 mm and 6 mm, leaking outwards, lay x2", "annular"),
+        ({}, "the mesh seal.msh, lay x2", "mesh"),
+        ({"seal": {"kind": "annular"}}, "a seal of another name", "annular"),
+    ],
+)
+def test_an_older_file_without_a_case_describes_its_seal(case, seal, kind):
+    leakage = STUDIES["stochastic"].leakage_variable
+    attributes = {"case": json.dumps(case), "seal": seal}
+    older = xarray.Dataset({leakage: ("step", [1e-9])}, attrs=attributes)
+    assert _with_all_attributes(older).attrs["seal_kind"] == kind
+
+
+def test_the_error_budget_of_an_unknown_study_is_left_out(study):
+    scene, result = study
+    data = assemble(scene, result).dataset
+    data = data.assign_attrs(error_budget=json.dumps({"another_study": {"pixels": ""}}))
+    assert error_budgets(data) == {}
+
+
 @pytest.mark.parametrize("can_halve", [True, False])
 def test_the_reason_of_the_last_attempt_is_not_repeated(can_halve):
     attempts = {
@@ -100,3 +125,9 @@ def test_the_reason_of_the_last_attempt_is_not_repeated(can_halve):
     }
     attempts |= {"why": "no memory", "half_error": "no memory", "can_halve_error": can_halve}
     assert ("Half the error: no memory." in attempt_sentences(attempts)) == can_halve
+    # older records have only the text
+    del attempts["can_halve_error"]
+    if not can_halve:
+        attempts["half_error"] = "not possible: no memory"
+    told = any(text.startswith("Half the error") for text in attempt_sentences(attempts))
+    assert told == can_halve

@@ -121,13 +121,11 @@ def test_the_ring_is_as_wide_as_its_logarithm():
     """A broad ring leaks 2πk D/ln(r_o/r_i), as `seal_leakage` says as well."""
     ring = fs.AnnularSeal(1e-3, 3e-3, (4, 8))
     leak = fs.seal_leakage(ring, 2e-18, fs.Liquid(1e-3), inlet_pressure=1e6)
-    dataset = xarray.Dataset(attrs={"seal_size_m": list(ring.size)})
-    scene = SimpleNamespace(layout=SimpleNamespace(kind="annular"))
-    study = SimpleNamespace(has_realisations=True)
-    results = SimpleNamespace(dataset=dataset, case={}, scene=scene, best_study=study)
+    dataset = xarray.Dataset(attrs={"seal_size_m": list(ring.size), "seal_kind": "annular"})
+    results = SimpleNamespace(dataset=dataset, case={})
     width = equivalent_width(results)
     assert_allclose(2e-18 * 1e9 / width, leak.per_length, rtol=1e-9)
-    study.has_realisations = False
+    dataset.attrs["seal_kind"] = "rectangular"
     assert equivalent_width(results) == ring.size[0]
 
 

@@ -90,3 +90,6 @@ def test_a_study_is_one_class_and_one_entry(monkeypatch):
     assert "uniform-gap" in results.table()._repr_html_()
     assert [part.name for part in fs.error_budget(scene, result).parts] == ["solver"]
     assert result.plot().axes
+    # cells without declared fields add nothing
+    monkeypatch.setattr(UniformGapResult, "cells", SolveCounts())
+    assert set(assemble(scene, result, whole).dataset) == set(results.dataset)
