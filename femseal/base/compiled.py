@@ -157,14 +157,15 @@ def entry_point(function: Any, *arguments: Any) -> Callable[..., Any]:
     named tuples of 17 arrays, a call then takes 3.2 µs, as long as a whole loop on a small grid. A call of the entry
     point takes 0.8 µs. It does not check the types of its arguments.
 
-    arguments : arguments of a typical call, which determine the types.
+    arguments : arguments of a typical call, which determine the types. They only matter in the first call, because it
+        would take longer to find their types than to solve a small problem. All later calls must have arguments of the
+        same types, including the type of each number and the memory layout of each array.
     """
-    types = tuple(typeof(argument) for argument in arguments)
-    key = function, types
-    if key not in _entry_points:
+    if function not in _entry_points:
+        types = tuple(typeof(argument) for argument in arguments)
         function.compile(types)
-        _entry_points[key] = function.get_overload(types)
-    return _entry_points[key]
+        _entry_points[function] = function.get_overload(types)
+    return _entry_points[function]
 
 
 def leader(**options: Any) -> Callable[[Any], Any]:
