@@ -98,7 +98,9 @@ def spanning_tree(tail, head, exponent, nodes):
     # Bitwise exclusive or (XOR) of the numbers of all links of the tree at each node. At a leaf, which is a node with a
     # single link, it is the number of this link.
     link = np.zeros(nodes, np.int32)
-    ancestor = np.arange(nodes).astype(np.int32)
+    ancestor = np.empty(nodes, np.int32)
+    for i in range(nodes):
+        ancestor[i] = i
     for k in _widest_first(exponent):
         if union(ancestor, tail[k], head[k]):
             for node in (tail[k], head[k]):

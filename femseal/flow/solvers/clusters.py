@@ -29,7 +29,7 @@ _PASSES = 2
 _JOINING = 0.1
 #: A diagonal entry less the conductances to all neighbours is the conductance to inlet and outlet. The difference
 #: counts as a rounding error if it is below this fraction of the diagonal entry.
-ROUNDING = 1e-10
+_ROUNDING = 1e-10
 #: Smallest sum of the conductances between a cluster and its surroundings for which the cluster is corrected.
 _LEAST_OUTWARD = 1e-30
 #: Offsets (rows, columns) of the neighbours of a node; the last four are the neighbours along the diagonals.
@@ -87,6 +87,33 @@ def _neighbour(i, j, k, n2, ring):
     return i + di, column
 
 
+@inlined(**REORDERED)
+def _without_held(loose, is_loose, centre, links, neighbours, ring):
+    """Return the loose nodes without those that have sufficient links to nodes that are held.
+
+    loose : array (nodes, 2), row and column of the loose nodes; the array is overwritten.
+    is_loose : flags of the loose nodes, which are updated.
+    """
+    n2 = centre.shape[1] - 2
+    is_held = np.zeros(len(loose), np.bool_)
+    for q in range(len(loose)):
+        i, j = loose[q]
+        to_held = 0.0
+        for k in range(neighbours):
+            a, b = _neighbour(i, j, k, n2, ring)
+            if not is_loose[a, b]:
+                to_held += _link(links, i, j, k)
+        is_held[q] = to_held >= HOLDING * centre[i, j]
+    count = 0
+    for q in range(len(loose)):
+        if is_held[q]:
+            is_loose[loose[q, 0], loose[q, 1]] = False
+        else:
+            loose[count] = loose[q]
+            count += 1
+    return loose[:count]
+
+
 @compiled(**REORDERED)
 def find_clusters(is_loose, operator, is_nine_point, ring):
     """Find the clusters of a level.
@@ -101,25 +128,8 @@ def find_clusters(is_loose, operator, is_nine_point, ring):
     neighbours = 8 if is_nine_point else 4
     n2 = centre.shape[1] - 2
     loose = _list_flagged(is_loose)
-    # a node with sufficient links to nodes that are held is held as well
     for _ in range(_PASSES):
-        is_held = np.zeros(len(loose), np.bool_)
-        for q in range(len(loose)):
-            i, j = loose[q]
-            to_held = 0.0
-            for k in range(neighbours):
-                a, b = _neighbour(i, j, k, n2, ring)
-                if not is_loose[a, b]:
-                    to_held += _link(links, i, j, k)
-            is_held[q] = to_held >= HOLDING * centre[i, j]
-        count = 0
-        for q in range(len(loose)):
-            if is_held[q]:
-                is_loose[loose[q, 0], loose[q, 1]] = False
-            else:
-                loose[count] = loose[q]
-                count += 1
-        loose = loose[:count]
+        loose = _without_held(loose, is_loose, centre, links, neighbours, ring)
     nodes = np.empty_like(loose)
     first = np.zeros(len(loose) + 1, np.int32)
     inverse = np.empty(len(loose), np.float32)
@@ -161,9 +171,8 @@ def find_clusters(is_loose, operator, is_nine_point, ring):
         outward = 0.0  # sum of the conductances between the cluster and its surroundings
         for m in range(first[c], first[c + 1]):
             i, j = nodes[m]
-            rest = centre[
-                i, j
-            ]  # less all conductances to neighbours: the conductance to inlet and outlet
+            # the diagonal entry less the conductances to all neighbours is the conductance to inlet and outlet
+            rest = centre[i, j]
             for k in range(neighbours):
                 a, b = _neighbour(i, j, k, n2, ring)
                 conductance = _link(links, i, j, k)
@@ -172,7 +181,7 @@ def find_clusters(is_loose, operator, is_nine_point, ring):
                 if cluster_of[a, b] != c + 1 and conductance > 0.0:
                     outside[m] |= 1 << k
                     outward += conductance
-            if rest > ROUNDING * centre[i, j]:
+            if rest > _ROUNDING * centre[i, j]:
                 to_ends[m] = rest
                 outward += rest
         inverse[c] = 1.0 / outward if outward > _LEAST_OUTWARD else 0.0

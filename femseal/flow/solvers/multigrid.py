@@ -227,9 +227,11 @@ def _iterate(network, row_drop, settings):
     has_converged = False
     if settings.field == np.inf:
         # if rounding errors have stopped the iteration, its error may still be small enough
+        if drainage.first.size == 0:
+            drainage = find_drainage(along, across)
         excess, energy = excess_and_energy(along, across, x, 1.0 - x)
         _ignore(excess, settings.ignored)
-        error = np.sqrt(correction_energy(across, find_drainage(along, across), excess) / energy)
+        error = np.sqrt(correction_energy(across, drainage, excess) / energy)
         has_converged = error**2 <= settings.rtol
     return x, iteration, error, has_converged
 
