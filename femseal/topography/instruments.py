@@ -1,18 +1,14 @@
 """Read files of instruments with SurfaceTopography, which knows dozens of formats with their channels, units and masks.
 
-If SurfaceTopography does not know the unit of a file, the caller must give the unit. Channels whose unit is not a
-length are read if the caller gives a unit of height. SurfaceTopography ignores fields of Gwyddion (.gwy) without units;
-this module reads such fields itself if the caller gives a unit of height.
+If a file does not state its unit, the caller must give the unit. Channels whose unit is not a length are read if the
+caller gives a unit of height.
 """
 
-import io
 import os
-import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr, redirect_stdout
-from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -23,10 +19,8 @@ from .raw import Raw, Reading, length_unit
 
 #: Longest list of channels in a message [characters].
 _LONGEST_LIST = 300
-#: Positions in a .sur file [byte] at which the six fields with units begin.
-_SURF_UNITS = range(180, 276, 16)
-#: Length of each field with a unit in a .sur file [byte].
-_SURF_UNIT_LENGTH = 16
+#: Longest message of SurfaceTopography that is quoted [characters].
+_LONGEST_REASON = 100
 #: Advice for a map of numbers without a unit of length.
 _GIVE_UNITS = (
     "if its numbers are heights, give their unit in height_unit= such as 'um' (--height-unit), which overrides that of "
@@ -40,37 +34,19 @@ def read_instrument(path: Path, options: Reading, other_suffixes: Sequence[str] 
     other_suffixes : suffixes of files that femseal reads without SurfaceTopography, for an error message.
     """
     suffix = path.suffix.lower()
-    opened = _open(path, suffix, other_suffixes)
-    if not opened.channels:
-        if _gwyddion_fields(opened.file):
-            return _read_gwyddion_field(path, opened.file, options)
+    channels = _open_channels(path, suffix, other_suffixes)
+    if not channels:
         given = "no map of heights: no channel of the file has a unit of length"
-        raise InputError("file", given, "a file with a map, or its export as .x3p or text")
-    channel = _select_channel(opened.channels, options)
-    raw = _read_channel(channel, suffix)
-    if opened.unclear:
-        return replace(raw, height_unit=None, spacing=None, unclear=opened.unclear)
-    return raw
+        expected = (
+            "a file with a map; in the program that wrote the file, give the heights and the sides "
+            "their units, or export the map as .x3p or text"
+        )
+        raise InputError("file", given, expected)
+    return _read_channel(_select_channel(channels, options), suffix)
 
 
-class _OpenFile(NamedTuple):
-    """A file that SurfaceTopography has opened.
-
-    content : modified copy of the file in memory, which must exist until the heights have been read; None if the file
-    was not modified.
-    unclear : unit that the file states and SurfaceTopography cannot interpret, for messages.
-    file : the opened file, as an object of SurfaceTopography.
-    channels : channels of the file.
-    """
-
-    content: io.BytesIO | None
-    unclear: str
-    file: Any
-    channels: list[Any]
-
-
-def _open(path: Path, suffix: str, other_suffixes: Sequence[str]) -> _OpenFile:
-    """Open a file with SurfaceTopography."""
+def _open_channels(path: Path, suffix: str, other_suffixes: Sequence[str]) -> list[Any]:
+    """Open a file with SurfaceTopography, and return its channels, without reading their heights."""
     try:
         from SurfaceTopography import open_topography
         from SurfaceTopography.IO import readers
@@ -84,9 +60,7 @@ def _open(path: Path, suffix: str, other_suffixes: Sequence[str]) -> _OpenFile:
     # the file.
     try:
         with unprinted():
-            content, unclear = _replace_unknown_units(path)
-            file = open_topography(content or str(path))
-            return _OpenFile(content, unclear, file, list(file.channels))
+            return list(open_topography(str(path)).channels)
     except Exception as error:
         known_suffixes = {f".{end}" for reader in readers for end in reader.file_extensions()}
         expected = (
@@ -94,8 +68,8 @@ def _open(path: Path, suffix: str, other_suffixes: Sequence[str]) -> _OpenFile:
             f"{' '.join(sorted({*other_suffixes, *known_suffixes}))}; programs of instruments export "
             ".x3p too"
         )
-        given = f"a file without a known format ({type(error).__name__})"
-        raise InputError("file", given, expected) from error
+        reason = shortened(f"{type(error).__name__}: {error}", _LONGEST_REASON)
+        raise InputError("file", f"a file that cannot be read ({reason})", expected) from error
 
 
 def _select_channel(channels: list[Any], options: Reading) -> Any:
@@ -168,39 +142,6 @@ def _heights_and_mask(topography: Any, suffix: str) -> tuple[Array, Flags | None
     return np.ma.filled(np.ma.masked_invalid(heights).astype(float), np.nan), mask
 
 
-def _replace_unknown_units(path: Path) -> tuple[io.BytesIO | None, str]:
-    """Replace the units of a .sur file that SurfaceTopography cannot read.
-
-    The unit "µm" in UTF-8 is rewritten in the encoding of the format. If any unit in the file is unknown, all units are
-    replaced by metres, so that SurfaceTopography does not convert the numbers.
-
-    Returns
-    -------
-    content : BytesIO or None
-        Changed copy of the file. None if SurfaceTopography can read the original file.
-    unclear : str
-        Description of the unknown unit, for messages; "" if all units are known.
-    """
-    with path.open("rb") as file:
-        # the first part of the file, up to the end of the last unit
-        head = bytearray(file.read(_SURF_UNITS.stop))
-        if not head.startswith(b"DIGITAL SURF"):
-            return None, ""
-        units = [bytes(head[n : n + _SURF_UNIT_LENGTH]) for n in _SURF_UNITS]
-        names = [unit.decode("latin-1").strip(" \0") for unit in units]
-        unknown = [name for name in names if name and length_unit(name) is None]
-        if unknown:
-            new_units = [b"m"] * len(units)
-        else:
-            new_units = [unit.replace("µ".encode(), b"\xb5") for unit in units]
-        if new_units == units:
-            return None, ""
-        for n, unit in zip(_SURF_UNITS, new_units, strict=True):
-            head[n : n + _SURF_UNIT_LENGTH] = unit.ljust(_SURF_UNIT_LENGTH)
-        content = io.BytesIO(bytes(head) + file.read())
-    return content, f"unit {unknown[0]!r}" if unknown else ""
-
-
 def _is_usual(unit: str) -> bool:
     """Return whether a unit is spelled correctly."""
     try:
@@ -208,68 +149,6 @@ def _is_usual(unit: str) -> bool:
     except InputError:
         return False
     return True
-
-
-def _gwyddion_fields(file: Any, kind: str = "data") -> dict[int, dict[str, Any]]:
-    """Return the metadata of each data field in a .gwy file, keyed by field number.
-
-    The metadata state the position of the heights in the file, but do not contain the heights. For files of other
-    formats, the dictionary is empty.
-
-    file : file opened by SurfaceTopography.
-    kind : "data" for the maps of heights, or "mask" for the masks of these maps.
-    """
-    fields = {}
-    for key, value in getattr(file, "_metadata", {}).items():
-        match = re.fullmatch(rf"/(\d+)/{kind}", str(key))
-        if match and "GwyDataField" in value:
-            fields[int(match[1])] = value["GwyDataField"]
-    return fields
-
-
-def _read_gwyddion_field(path: Path, file: Any, options: Reading) -> Raw:
-    """Read a field of Gwyddion whose unit is not a length.
-
-    Raises InputError if the caller does not give the unit of height.
-    """
-    fields, masks = _gwyddion_fields(file), _gwyddion_fields(file, "mask")
-    number = pick([*fields], options.channel, "field")
-    field = fields[number]
-    height_unit = _gwyddion_unit(field, "si_unit_z")
-    lateral_unit = _gwyddion_unit(field, "si_unit_xy")
-    if options.height_unit is None:
-        given = f"{counted(len(fields), 'field')} whose unit is not a length ({height_unit})"
-        raise InputError("file", given, f"a map of heights; {_GIVE_UNITS}")
-    spacing = None
-    metres = length_unit(lateral_unit)
-    if metres is not None:
-        spacing = (
-            abs(field["xreal"]) / field["xres"] * metres,
-            abs(field["yreal"]) / field["yres"] * metres,
-        )
-    mask = None
-    if number in masks:
-        mask = _gwyddion_numbers(path, masks[number]) > 0.5
-    return Raw(
-        _gwyddion_numbers(path, field),
-        spacing=spacing,
-        needs_unit=True,
-        mask=mask,
-        unclear=f"unit {height_unit} of the numbers, {lateral_unit} of the sides",
-    )
-
-
-def _gwyddion_unit(field: dict[str, Any], name: str) -> str:
-    """Return a unit of a Gwyddion data field, such as "si_unit_z" for the heights; "none" if the unit is not stated."""
-    return field.get(name, {}).get("GwySIUnit", {}).get("unitstr") or "none"
-
-
-def _gwyddion_numbers(path: Path, field: dict[str, Any]) -> Array:
-    """Read the values of a Gwyddion data field from its file, as an array (n1, n2)."""
-    n1, n2 = int(field["xres"]), int(field["yres"])
-    # the numbers follow their count, which takes 4 bytes
-    numbers = np.fromfile(path, "<f8", n1 * n2, offset=field["data"]["offset"] + 4)
-    return numbers.reshape(n2, n1).T
 
 
 def _instrument(parameters: dict[str, Any]) -> Instrument:
