@@ -11,11 +11,11 @@ import numpy as np
 
 from ..base import Array, Flags, InputError, InputErrors, counted, shortened, shown, to_si, to_text
 from ..base.leak_units import LeakUnit, leak_unit
+from ..base.text_columns import text_rows
 from ..case.case import Case
 from ..case.quantity_types import Amount
 from ..fluids import leak_basis
 from ..loads import LoadProgramme, LoadStep
-from ..seal.seal_files import text_rows
 
 #: Description of the columns of a leak test, for messages.
 COLUMNS_TEXT = (

@@ -18,11 +18,11 @@ from typing import Any
 from ..base import InputError, counted, shortened, shown, to_text
 from ..base.leak_rates import STANDARD_PRESSURE
 from ..base.quantities import absolute_pressure
+from ..base.text_columns import columns_of, read_columns
 from ..fluids import FLUIDS
 from ..gases import RealGas
 from ..materials import named_solid
 from ..named_fluids import TABLE_TEMPERATURE, named_fluid
-from ..seal.seal_files import columns_of, read_columns
 from ..studies.study_list import DEFAULT_OF_SURFACE, DEFAULT_STUDY, STUDIES
 from .faults import errors_in_table
 from .hot_hardness import hot_hardness_warnings

@@ -22,8 +22,8 @@ from ..base import InputError
 from ..base.quantities import OtherKind
 from ..loads import LOAD_UNITS, LoadProgramme, nominal_pressure, relaxed
 from ..scene.choices import NOMINALS
+from ..seal.pressure_files import read_pressure_field
 from ..seal.pressure_map import AngleTable, AnyMap, MapsAtLoads, Profile, Uniform
-from ..seal.seal_files import read_pressure_field
 from .faults import invalid_value
 from .quantity_types import (
     Amount,
@@ -153,7 +153,7 @@ class AngleMap(MapTable):
 
 
 class FieldMap(MapTable):
-    """Pressure from a file, see `seal.seal_files.read_pressure_field`."""
+    """Pressure from a file, see `seal.read_pressure_field`."""
 
     kind: Literal["field"]
     path: Path = key(

@@ -8,7 +8,7 @@ From the shape to the leakage::
        |  lay_out(CellSize)     covering.py divides the seal; CellSize is the size that the tiles should have
     tiles.SealTiles         which elements belong to which tile, and the lay in each element
        |  .seal                 tiles.permeability gives each element the permeability of its tile
-    mesh_seal.ElementSeal   finite elements between inlet and outlet
+    element_seal.ElementSeal  finite elements between inlet and outlet
        |  flow(permeability)    by flow.rectangles (strips and rings) or flow.mesh (all other seals)
     flow.DarcyFlow          conductance and potential for a unit drop
        |  leakage.seal_leakage  with a fluid and its pressures
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from .layouts import AnnularLayout, MeshLayout, RectangularLayout
     from .leakage import Leakage, seal_leakage
     from .mesh_seal import MeshSeal
+    from .pressure_files import read_pressure_field
     from .pressure_map import AngleTable, MapsAtLoads, PressureField, Profile, Uniform
-    from .seal_files import read_pressure_field
     from .shapes import AnnularSeal, RectangularSeal
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -16,9 +16,11 @@ import numpy as np
 from ..base import Array, InputError, Pair, Shape, counted, to_si, to_text
 from ..flow.rectangles import FEWEST_COLUMNS, Rectangles
 from ..flow.spiral import Spiral
+from .element_seal import ElementSeal
 from .input_checks import check_size
 from .lay import Lay
-from .mesh_seal import ElementSeal, MeshSeal, boundaries_without_name, parts_without_flow
+from .mesh_checks import boundaries_without_name, parts_without_flow
+from .mesh_seal import MeshSeal
 from .plane import middles, polygon_areas
 from .ring import Ring
 from .tiles import CellSize, SealTiles, lay_axes, strip_tiles

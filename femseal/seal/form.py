@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, Pair, shortened, to_si, to_text, validate
+from ..base.text_columns import TEXT_SUFFIXES, columns_of, read_columns
 from ..base.validate import check_parameters, described, parameter
 from ..topography import Topography
 from .frame import Frame
 from .plane import middles, plane_points
-from .seal_files import TEXTS, columns_of, read_columns
 
 #: Heights are extrapolated to points whose distance from the nearest measured point is at most the larger of two
 #: lengths: this multiple of the typical distance between measured points, and this fraction of the longer side of the
@@ -355,7 +355,7 @@ def read_form(
     from ..topography import read_topography
 
     file = Path(path)
-    names = columns_of(file) if file.suffix.lower() in TEXTS else []
+    names = columns_of(file) if file.suffix.lower() in TEXT_SUFFIXES else []
     if {*_PLANE} <= {*names}:
         wanted = _PLANE
     elif {*_POLAR} <= {*names}:

@@ -118,7 +118,7 @@ def _directions_from_field(file: Path, array: str, points: Array, unit: float) -
     """
     from scipy.spatial import cKDTree
 
-    from .seal_files import read_field
+    from .mesh_files import read_field
 
     nodes, vectors = read_field(file, array)
     nodes = nodes * unit

@@ -21,7 +21,7 @@ from ..flow import DarcyFlow
 from ..flow.mesh_input import permeability_tensors
 from ..flow.problem import MESH_SOLVERS, SOLVERS, SPARSE_SOLVERS, check_solver, checked_permeability
 from ..flow.rectangles import FEWEST_COLUMNS, Rectangles
-from .mesh_seal import ElementSeal
+from .element_seal import ElementSeal
 from .ring import Ring
 
 

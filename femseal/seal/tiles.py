@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base import Array, Indices, Pair, Shape, counted
 from ..flow.rectangles import FEWEST_COLUMNS, Rectangles
-from .mesh_seal import ElementSeal
+from .element_seal import ElementSeal
 from .plane import polygon_areas
 
 

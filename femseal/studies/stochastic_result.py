@@ -21,7 +21,7 @@ from ..checks import QuickEstimate
 from ..face.cell_flow import SolveCounts
 from ..loads import LoadProgramme
 from ..scene import Scene
-from ..seal.mesh_seal import ElementSeal
+from ..seal.element_seal import ElementSeal
 from ..seal.tiles import SealTiles
 from .cell_states import FaceCells
 from .median_seal import MedianSeal

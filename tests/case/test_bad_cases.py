@@ -251,7 +251,7 @@ def test_messages_stay_short(data):
 @pytest.fixture
 def unread(monkeypatch):
     """A machine with 10 MB free, on which no reader may be called."""
-    for module in ("femseal.topography.formats", "femseal.seal.seal_files"):
+    for module in ("femseal.topography.formats", "femseal.seal.mesh_files"):
         monkeypatch.setattr(f"{module}.free_memory", lambda: 1e7)
     suffixes = (".npy", ".txt", ".x3p", ".plu", ".npz", ".plux")
     readers = dict.fromkeys(suffixes, lambda *_, **__: pytest.fail("read"))

@@ -16,7 +16,7 @@ from femseal.base import InputError
 from femseal.seal import AnnularLayout, MeshLayout, MeshSeal, RectangularLayout
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import parse_lay
-from femseal.seal.mesh_seal import boundaries_without_name, parts_without_flow
+from femseal.seal.mesh_checks import boundaries_without_name, parts_without_flow
 from femseal.seal.tiles import CellSize
 
 MESHES = Path(__file__).parents[2] / "meshes"

@@ -1,0 +1,104 @@
+"""Read text files with named columns: tables of numbers, and tables of texts with numbers.
+
+The first line contains the names of the columns. Lines that begin with # are comments.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from .errors import InputError, shortened
+from .machine import within_free_memory
+from .validate import Array
+
+#: Suffixes of text files with columns.
+TEXT_SUFFIXES = (".csv", ".txt")
+_DELIMITERS = ",;\t"
+
+
+class TextRow(NamedTuple):
+    """A line of a text file: its number in the file, its text, and the text in each column."""
+
+    number: int
+    line: str
+    entries: list[str]
+
+
+def text_rows(file: Path, what: str = "path") -> list[TextRow]:
+    """Read the lines of a text file with columns, without empty lines and comments (#).
+
+    The separator of the columns is the comma, the semicolon or the tab, whichever is most frequent in the first line.
+    If the first line contains no comma, semicolon or tab, the columns are separated by blanks.
+
+    Parameters
+    ----------
+    file : Path
+        Text file in UTF-8.
+    what : str
+        Name of the input, for the message.
+
+    Returns
+    -------
+    list of TextRow
+        One row for each line.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read or is empty.
+    """
+    try:
+        with within_free_memory():
+            text = file.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError, MemoryError) as error:
+        raise InputError(what, f"'{file}' ({shortened(error)})", "a text with columns") from None
+    all_lines = {n: line.strip() for n, line in enumerate(text.splitlines(), 1)}
+    lines = {n: line for n, line in all_lines.items() if line and line[0] != "#"}
+    if not lines:
+        raise InputError(what, f"'{file}', which is empty", "a text with columns")
+    first_line = next(iter(lines.values()))
+    delimiter = max(_DELIMITERS, key=first_line.count)
+    entries: Iterable[list[str]]
+    if delimiter in first_line:
+        entries = csv.reader(lines.values(), delimiter=delimiter)
+    else:
+        entries = map(str.split, lines.values())
+    # the reader of .csv files may join lines inside quotes, so that there may be fewer entries than lines
+    numbered_lines = zip(lines.items(), entries, strict=False)
+    return [TextRow(number, line, row) for (number, line), row in numbered_lines]
+
+
+def columns_of(file: Path) -> list[str]:
+    """Return the names of the columns of a text file from its first line."""
+    first_row = text_rows(file)[0]
+    return [column.strip() for column in first_row.entries]
+
+
+def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
+    """Read the columns with the names `wanted` from a text file, and return an array (lines, columns).
+
+    The first line of the file contains the names of the columns. Raises InputError if the file cannot be read, a column
+    is missing or occurs twice, or an entry is not a number.
+    """
+    first_row, *rows = text_rows(file)
+    names = [column.strip() for column in first_row.entries]
+    missing = [column for column in wanted if names.count(column) != 1]
+    if missing:
+        given = f"'{file}' with the columns {', '.join(names)}"
+        expected = f"one column each of {', '.join(wanted)}, named in the first line: {missing[0]}"
+        raise InputError("path", given, expected)
+    columns = [names.index(column) for column in wanted]
+    numbers = []
+    for row in rows:
+        try:
+            numbers.append([float(row.entries[column]) for column in columns])
+        except (ValueError, IndexError):
+            allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
+            given = f"'{file}' with the line '{shortened(row.line, 60)}'"
+            raise InputError("path", given, allowed) from None
+    return np.reshape(numbers, (-1, len(wanted)))
