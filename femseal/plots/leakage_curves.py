@@ -12,9 +12,10 @@ from ..base import Array, InputError
 from ..base.leak_units import leakage_unit
 from ..results.best_leakage import solved_studies
 from ..results.load_steps import AS_PRESSURES, load_format, pressures_and_peaks
+from ..results.needed_pressure import LeakageCurve
 from ..results.results import Results
 from ..results.tables import class_unit, kind_of, leakage_of
-from ..results.verdict import LeakageCurve, deciding_fluid
+from ..results.verdict import deciding_fluid
 from ..studies import StochasticResult, SurfaceResult
 from .drawing import LEGEND_LINE, LOADS, Sheet, figure_of, legend_below, shows
 from .leakage_panels import COMMON_SCALE, LeakageCurves, leakage_panel, limits_width

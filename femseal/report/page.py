@@ -31,7 +31,7 @@ from ..results.dataset_file import FILE_NAME, inconsistent, open_results
 from ..results.load_steps import load_names
 from ..results.results import Results
 from ..results.tables import as_chosen, attempts_table, leakage_table, totals_table
-from ..results.verdict_text import verdict_paragraphs
+from ..results.verdict_paragraphs import verdict_paragraphs
 from . import report_tables
 from .pictures import draw_all
 from .report_tables import design_section, png_uri

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from .sealing_index import sealing_indices
     from .tables import attempts_table, leakage_table, rows, summary_html, summary_text
     from .verdict import verdicts_of
-    from .verdict_text import verdict_lines, verdict_sentences, verdict_table
+    from .verdict_paragraphs import verdict_lines
+    from .verdict_text import verdict_sentences, verdict_table
     from .vtk_files import write_vtk
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from math import isclose
 
 from .load_steps import LoadFormat, load_format
+from .needed_pressure import LoadText
 from .results import Results
-from .verdict import LoadText, verdicts_of
+from .verdict import verdicts_of
 
 #: Number of significant digits of the loads.
 _DIGITS = 3

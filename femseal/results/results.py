@@ -197,7 +197,7 @@ class Results(Plotted):
 
     @property
     def verdict_lines(self) -> list[str]:
-        """Paragraphs of text that state the verdicts, see `verdict_text.verdict_paragraphs`."""
+        """Paragraphs of text that state the verdicts, see `verdict_paragraphs`."""
         return list(display_package("results").verdict_lines(self))
 
     def sealing_indices(

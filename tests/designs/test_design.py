@@ -16,7 +16,7 @@ from femseal.designs.requirements import Seals, requirement, sealing_load
 from femseal.designs.sensitivities import Variants, log_leakage_at, sensitivities, slope_at
 from femseal.loads import LoadProgramme
 from femseal.results import RunFacts, assemble
-from femseal.results.verdict import LeakageCurve
+from femseal.results.needed_pressure import LeakageCurve
 
 STEPS = LoadProgramme.of(
     [1e7, 3e7, 1e8, 4e8, 9e8], unload_from=[4e8, 9e8], unloading=[3e8, 1e8, 3e7, 1e7]
