@@ -20,6 +20,7 @@ from scipy.stats import qmc
 
 from ..base import (
     AnyPath,
+    Array,
     FemsealError,
     Flags,
     Indices,
@@ -46,7 +47,8 @@ from ..runs.identity import face_files, user_code
 from ..store.store import Store
 from ..studies.compiling import compile_ahead
 from ..topography import resolved_wave
-from .calibration import RESULT_FILE, Array, Calibration, calibrated_text
+from .calibrated_case import calibrated_text
+from .calibration import RESULT_FILE, Calibration
 from .leak_test import LeakTest, read_leak_test
 from .posterior import QUANTITY_UNITS, Posterior
 from .surrogate import Surrogate

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import ceil, isfinite
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,35 +26,28 @@ from ..base import (
 from ..base.leak_rates import leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..loads import relaxed
-from ..plots.drawing import LEGEND_LINE, LOADS, Sheet, label_decades, legend_below, shows
-from ..plots.leakage_panels import LeakageCurves, leakage_panel, limit_lines, limits_width
-from ..plots.style import GREY, branch_styles, write_figure
+from ..plots.drawing import shows
+from ..plots.style import write_figure
 from ..report import write_report
 from ..report.report_tables import DESIGN_FILE, DESIGN_PICTURE
 from ..results.dataset_file import FILE_NAME
-from ..results.load_steps import load_format, pressures_and_peaks
+from ..results.load_steps import load_format
+from ..results.needed_pressure import LoadText, NeededPressure
 from ..results.results import Results
 from ..results.sealing_index import SealingIndex, indices_of_limits
-from ..results.tables import kind_of
-from ..results.verdict import (
-    LoadText,
-    NeededPressure,
-    Verdict,
-    verdicts_of,
-)
-from ..results.verdict_text import required_loads, verdict_lines, verdict_table
+from ..results.verdict import Verdict, verdicts_of
+from ..results.verdict_paragraphs import verdict_lines
+from ..results.verdict_text import required_loads, verdict_table
 from .index_table import index_rows, index_sentence, index_table
-from .requirements import ENDS, Requirement, Seals
+from .requirements import Requirement, Seals
+from .requirements_figure import requirements_figure
 from .sensitivities import Sensitivity
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 #: Table of all figures in the folder of the answer.
 TABLE_FILE = "design.csv"
-#: Height of the axes of the picture [inch].
-_AXES_HEIGHT = 2.5
 #: Columns of this table.
 _COLUMNS = (
     "figure",
@@ -235,119 +228,16 @@ class Design(Plotted):
         return "".join(table._repr_html_() for table in sheet_tables(self))
 
 
-# --- the picture ------------------------------------------------------------------------------------------
-
-
 @shows(Design)
 def design_figure(answer: Design) -> Figure:
     """Draw the leakage and its 95 % interval over the load, with the limits of the classes, Qmin and QSmin."""
-    unit, scale = answer.leak_scale
-    seals = answer.seals
-    curve = seals.curve
-    band, band_name = None, "95 % interval"
-    if curve.has_interval:
-        band = curve.lower, curve.upper
-    elif seals.count > 1:
-        low, high = ENDS
-        band = seals.quantile_curve(low), seals.quantile_curve(high)
-        band_name = f"{100 * low:g} – {100 * high:g} % of the seals"
-    pressure, peaks = pressures_and_peaks(seals.steps)
-    curves = LeakageCurves(
-        pressure=pressure,
-        peaks=peaks,
-        leakage=np.where(np.isfinite(curve.leakage), curve.leakage, np.nan),
-        title="",
-        band=band,
-        band_name=band_name,
-        scale=(scale, f"{kind_of(unit)} [{unit.name}]"),
-        loads=load_format(answer.results.dataset),
+    return requirements_figure(
+        answer.seals,
+        answer.requirements,
+        answer.leak_scale,
+        load_format(answer.results.dataset),
+        answer.load_text,
     )
-    # besides the unloadings: loading, interval, Qmin, QSmin, the bar of their intervals, and a margin of one entry
-    n_entries = len(seals.steps.unload_from) + 6
-    legend_height = LEGEND_LINE * ceil(n_entries / 2)  # the legend has two columns
-    limits = {need.name: need.limit / scale for need in answer.requirements}
-    margins = replace(
-        LOADS,
-        right=LOADS.right + limits_width(limits),
-        bottom=LOADS.bottom + legend_height,
-    )
-    sheet = Sheet([_AXES_HEIGHT + margins.bottom + margins.top])
-    axes = sheet.panel(0, margins)
-    handles = leakage_panel(axes, curves)
-    _extend_to_limits(axes, list(limits.values()))
-    limit_lines(axes, limits)
-    _, load_factor = curves.loads.axis
-    handles += _mark_needed_pressures(axes, answer, scale, load_factor)
-    legend_below(sheet.figure, handles)
-    return sheet.figure
-
-
-def _extend_to_limits(axes: Axes, limits: list[float]) -> None:
-    """Extend the leakage axis to class limits that lie less than three decades outside of it."""
-    low, high = axes.get_ylim()
-    near_limits = [limit for limit in limits if 1e-3 * low < limit < 1e3 * high]
-    lowest = min([low, *(limit / 2 for limit in near_limits)])
-    highest = max([high, *(2 * limit for limit in near_limits)])
-    axes.set_ylim(lowest, highest)
-    label_decades(axes.yaxis)
-
-
-def _mark_needed_pressures(
-    axes: Axes, answer: Design, scale: float, load_factor: float
-) -> list[Any]:
-    """Mark Qmin on the loading curve and QSmin on the unloading curves, each with a bar for its 95 % interval.
-
-    Parameters
-    ----------
-    axes : Axes
-        Axes of leakage over load.
-    answer : Design
-        The answer.
-    scale : float
-        Leakage per length of seal [m²/s] that corresponds to 1 on the leakage axis.
-    load_factor : float
-        Load, in the unit of the load axis, that corresponds to a nominal pressure of 1 Pa.
-
-    Returns
-    -------
-    list of artists
-        Lines that represent the marks in the legend.
-    """
-    from matplotlib.lines import Line2D
-
-    # the branches are drawn in this order: loading, then unloading from the highest peak to the lowest
-    peaks = sorted(answer.seals.steps.unload_from, reverse=True)
-    branches = [None, *peaks]
-    styles = dict(zip(branches, branch_styles(len(branches)), strict=True))
-    for need in answer.requirements:
-        if need.limit <= 0:
-            continue
-        leakage = need.limit / scale
-        for peak, needed in [(None, need.assembly), *need.service.items()]:
-            if not np.isfinite(needed.at):
-                continue
-            load = load_factor * needed.at
-            colour = styles[peak]["color"]
-            marker, text_offset = ("v", 5) if peak is None else ("^", -11)
-            ends = [load_factor * needed.bound(end) for end in (needed.low, needed.value)]
-            axes.plot(ends, [leakage] * 2, color=colour, lw=2.5, alpha=0.45, zorder=4)
-            axes.plot(
-                load, leakage, color=colour, marker=marker, ms=6, mec="black", mew=0.5, zorder=5
-            )
-            axes.annotate(
-                answer.load_text(needed.at),
-                (load, leakage),
-                (4, text_offset),
-                textcoords="offset points",
-                fontsize=7,
-                zorder=6,
-            )
-    handles = [
-        Line2D([], [], color="white", marker=marker, ms=6, mec="black", label=f"{name} as computed")
-        for marker, name in (("v", "Qmin"), ("^", "QSmin"))
-    ]
-    bar = Line2D([], [], color=GREY, lw=2.5, alpha=0.45, label="its 95 % interval")
-    return [*handles, bar]
 
 
 # --- tables and sentences ---------------------------------------------------------------------------------

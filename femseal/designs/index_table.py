@@ -9,7 +9,8 @@ from typing import Any
 from ..base import TextTable
 from ..base.quantities import range_text
 from ..results.load_steps import branch_text
-from ..results.sealing_index import FIT_TOLERANCE, IndexLimit, SealingIndex, index_text
+from ..results.power_law import FIT_TOLERANCE
+from ..results.sealing_index import IndexLimit, SealingIndex, index_text
 
 
 def index_table(indices: Sequence[SealingIndex]) -> TextTable:

@@ -15,8 +15,14 @@ import numpy as np
 
 from ..base import Array, Indices, reals
 from ..loads import LoadProgramme
+from ..results.needed_pressure import (
+    LeakageCurve,
+    NeededPressure,
+    crossings,
+    falling_steps,
+    relaxed_steps,
+)
 from ..results.results import Results
-from ..results.verdict import LeakageCurve, NeededPressure, crossings, falling_steps, relaxed_steps
 
 #: Quantiles of the realisations that the picture shows as their scatter.
 ENDS = (0.05, 0.95)
