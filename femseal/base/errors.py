@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from reprlib import Repr
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -87,11 +87,11 @@ class InputError(FemsealError, ValueError):
             description = f"given {given}, "
         return f"{shortened(self.what)}: {description}expected {self.expected}"
 
-    def inside(self, table: str) -> InputError:
+    def inside(self, table: str) -> Self:
         """Return a copy of the error whose input name is prefixed with the table, as in "load.map"."""
-        return InputError(f"{table}.{self.what}", self.given, self._template, self.suggested)
+        return self._with(what=f"{table}.{self.what}")
 
-    def with_keys(self, keys: Mapping[str, str]) -> InputError:
+    def with_keys(self, keys: Mapping[str, str]) -> Self:
         """Return a copy of the error that names the keys of the case file instead of the arguments.
 
         The key of an argument replaces its name, which is the first word of `what`, and its name in suggestions in
@@ -110,7 +110,12 @@ class InputError(FemsealError, ValueError):
         what = self.what
         if argument in keys:
             what = f"{keys[argument]}{self.what.removeprefix(argument)}"
-        return InputError(what, self.given, self._with_suggestions(keys))
+        expected = self._with_suggestions(keys)
+        return self._with(what=what, expected=expected, _template=expected, suggested={})
+
+    def _with(self, **changes: Any) -> Self:
+        """Return a copy of the error, of the same class, with some attributes changed."""
+        return _remade(type(self), {**vars(self), **changes})
 
     def _with_suggestions(self, keys: Mapping[str, str]) -> str:
         """Return the description of accepted values with the suggested values of arguments, or of keys of a case."""
@@ -126,7 +131,7 @@ class InputError(FemsealError, ValueError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # a given object may not be picklable, but its text always is
-        return InputError, (self.what, shortened(self.given), self._template, self.suggested)
+        return _remade, (type(self), {**vars(self), "given": shortened(self.given)})
 
 
 class FileError(InputError):
@@ -142,9 +147,6 @@ class FileError(InputError):
     def __init__(self, path: Path, what: str, given: object, expected: str) -> None:
         self.path = path
         super().__init__(what, given, expected)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return FileError, (self.path, self.what, shortened(self.given), self.expected)
 
 
 class InputErrors(InputError):
@@ -171,8 +173,24 @@ class InputErrors(InputError):
             lines.append(f"{omitted} more faults")
         return "\n".join(lines)
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return InputErrors, (self.faults,)
+    def inside(self, table: str) -> Self:
+        """Return a copy in which the table is prefixed to the input names of all faults."""
+        return type(self)([fault.inside(table) for fault in self.faults])
+
+    def with_keys(self, keys: Mapping[str, str]) -> Self:
+        """Return a copy in which all faults name the keys of the case file instead of the arguments."""
+        return type(self)([fault.with_keys(keys) for fault in self.faults])
+
+
+def _remade(kind: type[Any], attributes: Mapping[str, Any]) -> Any:
+    """Make an error of a class from its attributes, without calling the constructor of the class.
+
+    The constructors of subclasses have other parameters than the constructor of `InputError`.
+    """
+    error = kind.__new__(kind)
+    vars(error).update(attributes)
+    error.args = (error.what, error.given, error.expected)
+    return error
 
 
 def shortened(value: object, longest: int = _LONGEST) -> str:

@@ -227,8 +227,7 @@ def survey_surface(
     except InputError as error:
         # If the user has chosen the wavelength `wave`, an error is about `wave` and is raised, unless the surface has
         # too many undefined points. Other errors are reasons for which a run would reject the surface.
-        is_fault_of_the_surface = isinstance(error.__cause__, TooManyUndefined)
-        if wave is not None and not is_fault_of_the_surface:
+        if wave is not None and not isinstance(error, TooManyUndefined):
             raise
         return _SurveyedSurface(report, reasons=tuple(reasons or [str(error)]))
     surveyed = _SurveyedSurface(report, conditioning, reasons=tuple(reasons))
