@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import prod
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +34,8 @@ BOUNDARIES = ("periodic", "mirror", "free")
 _STRIP_VALUES = 2**20
 #: Argument above which Ki₁ is smaller than 1e-17.
 _LARGEST_ARGUMENT = 38.0
+#: Largest number of pixels. The contact solver numbers them by integers of 32 bits, which take less memory.
+_MOST_POINTS = 2**31 - 1
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class HalfSpace:
     Raises
     ------
     InputError
-        A shape, spacing, modulus or kind of boundary is not allowed.
+        A shape, spacing, modulus or kind of boundary is not allowed, or there are more than 2³¹ − 1 pixels.
 
     Notes
     -----
@@ -86,6 +89,8 @@ class HalfSpace:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "shape", validate.grid("shape", self.shape))
+        if prod(self.shape) > _MOST_POINTS:
+            raise InputError("shape", self.shape, f"at most {_MOST_POINTS} pixels")
         object.__setattr__(self, "spacing", validate.lengths("spacing", self.spacing))
         object.__setattr__(self, "modulus", checked_modulus(self.modulus))
         ends = (self.boundary,) * 2 if isinstance(self.boundary, str) else self.boundary

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import frexp, ldexp
+from math import frexp, ldexp, prod
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -29,6 +29,9 @@ FIELD_RTOL = 1e-6
 #: Largest gap [m], largest ratio Δ1/Δ2 of the pixel lengths, and largest ratio of two open gaps. The smallest gap and
 #: the smallest ratios are the reciprocals of these numbers.
 _LARGEST, _SLENDER, _CONTRAST = 1e60, 1e60, 1e50
+#: Largest number of links between the nodes of a grid. The fast solvers number nodes and links by integers of 32 bits,
+#: because integers of 64 bits would take more memory on all grids.
+MOST_LINKS = 2**31 - 1
 
 
 def check_solver(solver: str, allowed: Sequence[str] = SOLVERS) -> None:
@@ -37,14 +40,29 @@ def check_solver(solver: str, allowed: Sequence[str] = SOLVERS) -> None:
         raise InputError("solver", repr(solver), f"one of {', '.join(allowed)}")
 
 
+def check_links(what: str, shape: Sequence[int], links: int) -> None:
+    """Raise an InputError if a grid has too many links to be numbered.
+
+    what : name of the array that is given.
+    shape : shape of this array.
+    links : number of links of the grid.
+    """
+    if links > MOST_LINKS:
+        expected = f"a grid with at most {MOST_LINKS} links between its points; resample it"
+        raise InputError(what, f"shape {tuple(shape)}", expected)
+
+
 def validated_gap(gap: ArrayLike, spacing: Lengths) -> tuple[Array, Pair]:
     """Check a gap and a spacing; return the gap as a new array (n1, n2), and the spacing as two numbers.
 
     Raises
     ------
-    InputError : the gap has negative or undefined values, the spacing is not > 0, or the cubes or ratios of the numbers
-        exceed the range of double precision.
+    InputError : the gap has negative or undefined values, the spacing is not > 0, the cubes or ratios of the numbers
+        exceed the range of double precision, or the gap has too many points.
     """
+    shape = getattr(gap, "shape", ())
+    # two links for each point, and one more for each point at the outlet
+    check_links("gap", shape, 2 * prod(shape) + max(shape, default=0))
     h = validate.field("gap", gap, unit="m")
     lowest, largest = h.min(), h.max()
     if lowest < 0:

@@ -141,6 +141,7 @@ def test_two_workspaces_in_the_same_memory(large, boundary, dtype, error, monkey
         ({"modulus": 0.0}, ["modulus", "0.0", "[Pa]"]),
         ({"modulus": np.inf}, ["modulus", "inf"]),
         ({"modulus": "115 GPa"}, ["modulus", "115 GPa"]),
+        ({"shape": (2**16, 2**15)}, ["shape", "65536", "at most 2147483647 pixels"]),
         ({"boundary": ("free", "closed")}, ["boundary", "closed", "periodic, mirror, free"]),
         ({"boundary": "open"}, ["boundary", "open"]),
         ({"boundary": ("free",)}, ["boundary", "each axis"]),

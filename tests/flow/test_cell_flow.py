@@ -406,6 +406,17 @@ def test_bad_input_is_named(change, words):
 # --- critical constriction ---
 
 
+@pytest.mark.parametrize("shape", [(2**15, 2**15), (2**30, 1), (1, 2**30)])
+@pytest.mark.parametrize(
+    "function", [cell_permeability, permeability_tensor, critical_constriction]
+)
+def test_a_gap_with_more_links_than_can_be_numbered_is_refused_before_any_work(function, shape):
+    # an array of a single number, which takes no memory
+    gap = np.broadcast_to(1e-6, shape)
+    with pytest.raises(InputError, match=r"gap: given shape .* at most 2147483647 links"):
+        function(gap, (1e-6, 1e-6))
+
+
 @pytest.mark.parametrize("sides", SIDES)
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("seed", range(4))

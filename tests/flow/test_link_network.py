@@ -252,3 +252,11 @@ def test_levels_shared_by_threads_solve_as_the_compiled_whole(sides, monkeypatch
     assert shared.iterations == whole.iterations
     assert_allclose(shared.conductance, whole.conductance, rtol=1e-11)
     assert_allclose(shared.potential, whole.potential, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("n1", "n2"), [(2**15 + 1, 2**15), (2**30 + 1, 1)])
+def test_a_network_of_more_links_than_can_be_numbered_is_refused_before_any_work(n1, n2):
+    # arrays of a single number, which take no memory
+    along, across = (np.broadcast_to(1.0, (rows, n2)) for rows in (n1, n1 - 1))
+    with pytest.raises(InputError, match=r"along: given shape .* at most 2147483647 links"):
+        solve_flow(Stencil(along, across))

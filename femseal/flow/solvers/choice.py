@@ -23,7 +23,7 @@ from ..percolation import (
     nodes_reached,
     prepare_links_in_place,
 )
-from ..problem import FAST_SOLVERS, MAX_IMBALANCE, DarcyFlow, check_solver
+from ..problem import FAST_SOLVERS, MAX_IMBALANCE, DarcyFlow, check_links, check_solver
 from .elimination import eliminate
 from .multigrid import COARSEST_NODES, coarsest_nodes, solve_multigrid
 from .thresholds import (
@@ -88,7 +88,7 @@ def solve_flow(
 
     Raises
     ------
-    InputError : the solver is unknown, or a tolerance is not valid.
+    InputError : the solver is unknown, a tolerance is not valid, or the network has more than 2³¹ − 1 links.
     NotConverged : the solver failed, or the relative difference between inflow and outflow is larger than 1e-5. After
         multigrid, the limit is 10 √rtol instead, or 10 field_rtol if `field_rtol` is given. "multigrid" also fails if
         links with less than 1e-13 of the largest conductance might carry more than `rtol` of the flow.
@@ -97,6 +97,7 @@ def solve_flow(
     validate.tolerance("rtol", rtol)
     if field_rtol is not None:
         validate.tolerance("field_rtol", field_rtol)
+    check_links("along", stencil.along.shape, stencil.along.size + stencil.across.size)
     links = prepare_links_in_place(stencil.along.copy(), stencil.across.copy())
     return solve_in_place(links, stencil.ring2, rtol=rtol, solver=solver, field_rtol=field_rtol)
 
