@@ -47,22 +47,24 @@ class Drainage(NamedTuple):
     conductance: Array
 
 
-def energy_gap(stencil: Stencil, potential: Array, complement: Array) -> float:
-    """Compute an upper bound of the relative error of the energy of a potential.
+def least_conductance(stencil: Stencil, potential: Array, complement: Array) -> float:
+    """Compute a lower bound of the conductance of a network from an approximate potential.
 
     Parameters
     ----------
     stencil : conductances of the links between the nodes.
-    potential, complement : arrays (n1 + 1, n2), potential φ and 1 − φ at the nodes; NaN counts as 0.
+    potential, complement : arrays (n1 + 1, n2), potential φ and 1 − φ at the nodes; NaN counts as 0. If conductances
+        differ by many orders of magnitude, the complement must be accurate by itself. The difference 1 − φ has a
+        rounding error of 1e-16, which is a large flux through a link with a large conductance.
 
     Returns
     -------
-    float : upper bound of the relative error; NaN if nothing flows.
+    float : the energy of the potential less the energy of the flux that makes it conservative; at least 0.
     """
     along, across = stencil.along, stencil.across
     excess, energy = excess_and_energy(along, across, potential, complement)
     correction = correction_energy(across, find_drainage(along, across), excess)
-    return float(correction / energy) if energy > 0.0 else np.nan
+    return max(0.0, float(energy - correction))
 
 
 @inner()

@@ -33,7 +33,7 @@ from skfem import Mesh, MeshQuad
 from skfem.mesh import MeshQuad1DG
 
 from ..base import Array, Indices, Shape
-from .error_bound import energy_gap
+from .error_bound import least_conductance
 from .grid import Stencil, edge_conductances
 from .problem import FIELD_RTOL, DarcyFlow
 from .solvers.choice import solve_flow
@@ -166,11 +166,7 @@ class Rectangles:
             return flow
         lower = 0.0
         if centre_flow.percolates:
-            pressure = np.nan_to_num(centre_flow.potential)
-            # The energy of the computed potential is an upper bound of the conductance of the network of centres. The
-            # energy exceeds this conductance by at most the fraction `largest_error`.
-            largest_error = energy_gap(centres, pressure, 1 - pressure)
-            lower = max(0.0, centres.energy(pressure) * (1 - largest_error))
+            lower = least_conductance(centres, centre_flow.potential, centre_flow.complement)
         return replace(
             flow,
             lower=min(lower, value) * (1 - _ROUNDING),

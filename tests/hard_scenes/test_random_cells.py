@@ -183,7 +183,8 @@ def check_seal(seed):
 
 
 def test_bounds_of_structured_seals_hold_to_the_last_digit():
-    for seed in range(60):
+    # the last seeds have permeabilities that differ by a factor of 1e50
+    for seed in (*range(60), 1232, 1353):
         check_seal(seed)
 
 
