@@ -182,7 +182,7 @@ class InputErrors(InputError):
         return type(self)([fault.with_keys(keys) for fault in self.faults])
 
 
-def _remade(kind: type[Any], attributes: Mapping[str, Any]) -> Any:
+def _remade(kind: Any, attributes: Mapping[str, Any]) -> Any:
     """Make an error of a class from its attributes, without calling the constructor of the class.
 
     The constructors of subclasses have other parameters than the constructor of `InputError`.
