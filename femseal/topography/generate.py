@@ -101,7 +101,9 @@ def self_affine(
     weight = 1.0 if rms_slope is None else q**2
     # Each wave of the half plane stands for a conjugate pair, hence the factor 2.
     amplitude *= rms / np.sqrt(2 * np.sum(weight * amplitude**2))
+    del q, weight  # large surfaces need their memory
     heights = random_waves(shape, (k1, k2), amplitude, _check_generator(rng))
+    heights.flags.writeable = False  # a map copies an array only if it is writeable
     return Topography(heights, spacing)
 
 
@@ -300,7 +302,9 @@ def random_waves(
         # The transform of real heights supplies the conjugates of all waves, except of those with k2 = 0.
         is_first_column = column == 0
         spectrum[-row[is_first_column], 0] = waves[is_first_column].conj()
-    return scipy.fft.irfft2(spectrum, s=shape, norm="forward", overwrite_x=True)
+    # one axis at a time, because an inverse transform along both axes at once would copy the spectrum
+    spectrum = scipy.fft.ifft(spectrum, axis=0, norm="forward", overwrite_x=True)
+    return scipy.fft.irfft(spectrum, shape[1], axis=1, norm="forward", overwrite_x=True)
 
 
 def period_counts(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:

@@ -14,6 +14,7 @@ from math import inf
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
 
 from ..base import Array, Flags
 from .defects import SPIKES, TooManyUndefined
@@ -37,14 +38,14 @@ class Repair:
         Number of points in spikes.
     form : Form
         Form that was fitted to the defined points without spikes, and subtracted.
-    removed : array, (n1, n2)
+    removed : sparse array, (n1, n2)
         Height of each spike above the surface that replaced it [m], 0 at all other points.
     """
 
     undefined_fraction: float
     spike_points: int
     form: Form
-    removed: Array = field(repr=False)
+    removed: coo_array = field(repr=False)
 
 
 def repair(
@@ -95,16 +96,13 @@ def repair(
             f"{error.expected}; {spike_points} of them are spikes, which {{spikes}} would keep"
         )
         raise TooManyUndefined(error.what, error.given, expected, {"spikes": inf}) from None
-    if not spike_points:
-        no_heights = np.broadcast_to(0.0, topography.shape)  # without memory of its own
-        return flat, Repair(topography.undefined_fraction, 0, form, no_heights)
     # height of a spike above the filled surface: measured height − form − filled height
-    removed = np.zeros(topography.shape)
-    removed[is_spike] = topography.heights[is_spike] - form.at(is_spike) - flat.heights[is_spike]
-    return flat, Repair(topography.undefined_fraction, spike_points, form, removed)
+    removed = topography.heights[is_spike] - form.at(is_spike) - flat.heights[is_spike]
+    spikes_removed = coo_array((removed, np.nonzero(is_spike)), shape=topography.shape)
+    return flat, Repair(topography.undefined_fraction, spike_points, form, spikes_removed)
 
 
-def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float:
+def spikes_extreme(flat: Topography, removed: Array | coo_array, wavelength: float) -> float:
     """Return the fraction of the highest (or lowest) points that would be others if spikes were not removed.
 
     Extreme points are determined in the map with spikes and in the map without spikes. The fraction of extreme points
@@ -115,18 +113,20 @@ def spikes_extreme(flat: Topography, removed: Array, wavelength: float) -> float
     ----------
     flat : Topography
         The map in which spikes were replaced.
-    removed : array, (n1, n2)
+    removed : array or sparse array, (n1, n2)
         Height of each spike above the surface that replaced it [m], 0 at all other points.
     wavelength : float
         Shortest wave [m] that remains in the two maps, with and without spikes, when their extreme points are compared.
     """
-    if not removed.any():
+    removed = coo_array(removed)
+    if not removed.data.any():
         return 0.0
     # eight points in a byte, to save memory
     before = [
         np.packbits(is_extreme) for is_extreme in _extreme_points(flat.low_pass(wavelength).heights)
     ]
-    heights = flat.heights + removed
+    heights = flat.heights.copy()
+    heights[removed.coords] += removed.data
     heights.flags.writeable = False  # a map copies an array only if it is writeable
     with_spikes = flat.with_heights(heights).low_pass(wavelength).heights
     del heights

@@ -125,7 +125,10 @@ def truncate(z: NDArray, spacing: Pair, periodic: Periodic, limit: float) -> NDA
             coefficients, z.shape[axis], axis=axis, norm="ortho", overwrite_x=True
         )
     if mirrored:
-        coefficients = scipy.fft.idctn(coefficients, axes=mirrored, norm="ortho", overwrite_x=True)
+        heights = scipy.fft.idctn(coefficients, axes=mirrored, norm="ortho", overwrite_x=True)
+        # The result is usually a view of the overwritten array. The array itself owns its memory, so that a map need
+        # not copy it.
+        coefficients = coefficients if heights.base is coefficients else heights
     return coefficients
 
 

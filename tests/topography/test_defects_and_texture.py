@@ -1,5 +1,6 @@
 """Measured faces before use: spikes, texture, spectrum, the report, and two faces laid on one another."""
 
+import tracemalloc
 from itertools import combinations
 from math import inf, nan, pi
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from scipy import ndimage
+from scipy import ndimage, sparse
 
 import femseal as fs
 from femseal.base import InputError
@@ -460,3 +461,24 @@ HOLED = Topography(np.where(np.arange(120) == 7, nan, FACE.heights), FACE.spacin
 def test_faces_that_do_not_overlap_or_have_undefined_points_are_refused(pair, given, said):
     with pytest.raises(InputError, match=said):
         combine(*pair, **given)
+
+
+def most_memory(work):
+    """Largest memory [byte] that a function takes beyond the memory before."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def test_spikes_of_a_large_map_take_less_memory_than_its_contact():
+    n = 512
+    z = np.random.default_rng(0).standard_normal((n, n))
+    face = Topography(z, (1e-6, 1e-6), periodic=False)
+    # a low-pass does not copy its result
+    assert most_memory(lambda: face.low_pass(8e-6)) < 10 * n**2
+    removed = sparse.coo_array(([3.0, -2.0], ([5, 70], [60, 2])), shape=z.shape)
+    # a contact takes 37 bytes per point
+    assert most_memory(lambda: spikes_extreme(face, removed, 8e-6)) < 28 * n**2
