@@ -1,9 +1,4 @@
-"""Check the mesh of a seal: its elements must be valid and must not overlap, and fluid should reach all its parts.
-
-Elements that are not neighbours may overlap as well, for example where two separate parts of the mesh lie on top of
-each other. If no element overlaps its neighbours but two elements overlap, at least one of these two is at the boundary
-of the mesh.
-"""
+"""Check the mesh of a seal: its elements must be valid and must not overlap, and fluid should reach all its parts."""
 
 from __future__ import annotations
 
@@ -15,17 +10,14 @@ from scipy.sparse.csgraph import connected_components
 from skfem import Mesh
 
 from ..base import Indices, InputError, to_text
+from .mesh_overlaps import first_overlap
 from .plane import polygon_areas
-
-#: Allowed overlap of two elements, as a fraction of the extent of the smaller element. The overlap can be positive
-#: because of rounded coordinates, and because straight edges approximate arcs.
-_ALLOWED_OVERLAP = 0.1
 
 
 def check_elements(mesh: Mesh) -> None:
     """Raise InputError if nodes are not finite, or if elements are degenerate, tangled or overlapping."""
     _check_element_shapes(mesh)
-    overlapping = _overlapping_neighbours(mesh) or _first_overlap(mesh)
+    overlapping = _overlapping_neighbours(mesh) or first_overlap(mesh)
     if overlapping:
         given = f"a mesh whose elements {' and '.join(map(str, overlapping))} overlap"
         raise InputError("path", given, "elements that do not overlap")
@@ -72,47 +64,6 @@ def _overlapping_neighbours(mesh: Mesh) -> tuple[int, ...]:
     has_overlap = (element_count > 2) | ((element_count == 2) & (direction_sum != 0))
     overlapping = np.flatnonzero(has_overlap[edge].any(axis=1))
     return tuple(overlapping[:2])
-
-
-def _first_overlap(mesh: Mesh) -> tuple[int, ...]:
-    """Find an element at the boundary of the mesh that overlaps another element.
-
-    Overlaps are found by the separating axis theorem: two convex polygons do not overlap if their projections on the
-    normal of an edge do not overlap.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        Triangles or quadrilaterals, which are not tangled and do not overlap their neighbours.
-
-    Returns
-    -------
-    tuple of int
-        Indices of the two overlapping elements; empty if no elements overlap.
-    """
-    corners = mesh.p.T[mesh.t.T]  # (element, corner, 2)
-    x_min, y_min = corners.min(axis=1).T
-    x_max, y_max = corners.max(axis=1).T
-    edges = np.roll(corners, -1, axis=1) - corners
-    normals = np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
-    boundary_elements = np.unique(mesh.f2t[0, mesh.boundary_facets()])
-    for i in boundary_elements.tolist():
-        # only elements whose bounding box overlaps the bounding box of element i are compared with element i
-        boxes_meet = (x_min < x_max[i]) & (x_max > x_min[i])
-        boxes_meet &= (y_min < y_max[i]) & (y_max > y_min[i])
-        for j in np.flatnonzero(boxes_meet).tolist():
-            if i == j:
-                continue
-            axes = np.concatenate([normals[i], normals[j]])
-            # projections of the corners on the axes, (corner, axis)
-            projection_i = corners[i] @ axes.T
-            projection_j = corners[j] @ axes.T
-            start = np.maximum(projection_i.min(axis=0), projection_j.min(axis=0))
-            end = np.minimum(projection_i.max(axis=0), projection_j.max(axis=0))
-            smaller_extent = np.minimum(np.ptp(projection_i, axis=0), np.ptp(projection_j, axis=0))
-            if (end - start > _ALLOWED_OVERLAP * smaller_extent).all():
-                return i, j
-    return ()
 
 
 def parts_without_flow(mesh: Mesh, inlet: Indices, outlet: Indices) -> Iterator[str]:
