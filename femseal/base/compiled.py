@@ -150,22 +150,25 @@ def inlined(**options: Any) -> Callable[[Any], Any]:
 _entry_points: dict[Any, Callable[..., Any]] = {}
 
 
-def entry_point(function: Any, *arguments: Any) -> Callable[..., Any]:
+def entry_point(name: str, function: Any, *arguments: Any) -> Callable[..., Any]:
     """Return the compiled code of a function that is always called with arguments of the same types.
 
     Before each call, Numba compares the types of all arguments with those for which the function is compiled. With
     named tuples of 17 arrays, a call then takes 3.2 µs, as long as a whole loop on a small grid. A call of the entry
     point takes 0.8 µs. It does not check the types of its arguments.
 
+    name : name of the entry point. A function that is called with arguments of several types has an entry point for
+        each of them.
     arguments : arguments of a typical call, which determine the types. They only matter in the first call, because it
         would take longer to find their types than to solve a small problem. All later calls must have arguments of the
         same types, including the type of each number and the memory layout of each array.
     """
-    if function not in _entry_points:
+    key = name, function
+    if key not in _entry_points:
         types = tuple(typeof(argument) for argument in arguments)
         function.compile(types)
-        _entry_points[function] = function.get_overload(types)
-    return _entry_points[function]
+        _entry_points[key] = function.get_overload(types)
+    return _entry_points[key]
 
 
 def leader(**options: Any) -> Callable[[Any], Any]:

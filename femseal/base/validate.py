@@ -152,23 +152,26 @@ def field(
         Whether points may be undefined (NaN).
     """
     try:
-        if np.ma.is_masked(value) or np.iscomplexobj(value):
+        # the checks of types would take as long as a part of the solution of a small contact
+        is_plain = type(value) is np.ndarray and value.dtype == np.float64
+        if not is_plain and (np.ma.is_masked(value) or np.iscomplexobj(value)):
             raise TypeError
         array = np.array(value, dtype=float, copy=True if copy else None)
-        # Arrays from a cluster may be aligned differently in memory, which changes the last digits of results.
-        array = np.require(array, requirements=("C", "ALIGNED"))
+        if not array.flags.carray:
+            # Arrays from a cluster may be aligned differently in memory, which changes the last digits of results.
+            array = np.require(array, requirements=("C", "ALIGNED"))
     except (TypeError, ValueError):
         expected = f"an array (n1, n2) of real numbers [{unit}]"
         raise InputError(name, f"a {type(value).__name__}", expected) from None
     has_other_shape = shape is not None and array.shape != shape
     if array.ndim != 2 or array.size == 0 or has_other_shape:
         raise InputError(name, f"shape {array.shape}", f"shape {shape or '(n1, n2)'}")
-    is_bad = np.isinf(array) if undefined else ~np.isfinite(array)
-    if is_bad.any():
+    is_allowed = ~np.isinf(array) if undefined else np.isfinite(array)
+    if not is_allowed.all():
         expected = f"finite numbers [{unit}]"
         if undefined:
             expected += ", NaN = undefined"
-        raise InputError(name, f"{counted(is_bad.sum(), 'point')} not finite", expected)
+        raise InputError(name, f"{counted((~is_allowed).sum(), 'point')} not finite", expected)
     return array
 
 

@@ -17,7 +17,13 @@ An iteration consists of three parts:
 The iteration is an inexact semismooth Newton method. Its convergence is not proved. If the energy increases repeatedly,
 or after 60 iterations, the method in `descent` is used instead. Before the solver accepts a pressure as the solution,
 it recomputes v by a product with K and evaluates the residual again. The reported residual is therefore that of the
-returned pressure. Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
+returned pressure.
+
+Products with the directions of conjugate gradients are computed in single precision. Products with the pressure are
+computed in single precision only as long as the residual is much larger than the rounding error of such a product. The
+last product with the pressure is always computed in double precision.
+
+Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231, 1999, 206.
 """
 
 from __future__ import annotations
@@ -46,6 +52,15 @@ _MONOTONE_BELOW = 0.1
 _LEAST_DAMPING = 1e-3
 #: Relative increase of the energy that cannot be explained by rounding errors.
 _RISE = 1e-13
+#: Residual down to which products with the pressure are computed in single precision. The rounding error of such a
+#: product changes the residual by 1e-6 on 512² to 1500² points, and by 1e-4 on strips of 1 × 65536 points.
+_SINGLE_ABOVE = 1e-3
+#: Residual below which v is computed in double precision, even if the sets do not change.
+_SINGLE_UNTIL = 1e-4
+#: Relative increase of the energy that can be explained by products in single precision, whose error is up to 1e-7.
+_SINGLE_RISE = 1e-6
+#: Smallest number of points of a grid on which single precision saves time.
+_SINGLE_FROM = 2**14
 #: The sets are not changed as long as each iteration reduces the residual to a half, and the points that would change
 #: sets contribute at most this fraction of the squared residual.
 _FRACTION = 0.1
@@ -63,6 +78,7 @@ class ActiveSets(NamedTuple):
     energy : energy when the sets were chosen; infinite for the sets of the initial pressure.
     residual : residual when the sets were chosen; infinite for the sets of the initial pressure.
     damping : factor of the length of the next projection step. It is reduced if the energy has increased.
+    in_single : whether v was computed in single precision.
     """
 
     n_near: int
@@ -72,6 +88,7 @@ class ActiveSets(NamedTuple):
     energy: float = inf
     residual: float = inf
     damping: float = 1.0
+    in_single: bool = False
 
 
 class Gradients(NamedTuple):
@@ -117,12 +134,19 @@ class LawOnGrid(Protocol):
     def keeps_directions(self) -> bool:
         """Whether the search directions remain conjugate until the sets change."""
 
-    def has_risen(self, previous: ActiveSets, energy: float, residual: float) -> bool:
+    @property
+    def allows_single(self) -> bool:
+        """Whether products with the pressure may be computed in single precision."""
+
+    def has_risen(
+        self, previous: ActiveSets, energy: float, residual: float, rounding: float
+    ) -> bool:
         """Return whether the last change of the sets has to be damped, because it did not lead nearer to the solution.
 
         previous : sets before the change.
         energy : energy after the change.
         residual : residual before the change.
+        rounding : largest relative rounding error of the difference of two energies.
         """
 
 
@@ -131,13 +155,16 @@ class StraightLaw:
 
     can_descend = True
     keeps_directions = True
+    allows_single = True
 
     def __init__(self, loops: Loops) -> None:
         self.evaluate = loops.evaluate
 
-    def has_risen(self, previous: ActiveSets, energy: float, residual: float) -> bool:
+    def has_risen(
+        self, previous: ActiveSets, energy: float, residual: float, rounding: float
+    ) -> bool:
         """Return whether the energy has increased by more than a rounding error."""
-        return energy > previous.energy + _RISE * abs(previous.energy)
+        return energy > previous.energy + rounding * abs(previous.energy)
 
 
 class _Solver(NamedTuple):
@@ -149,6 +176,7 @@ class _Solver(NamedTuple):
     limits : limits of the conjugate-gradient steps.
     rtol : target residual.
     shortest_step : smallest length c [Pa/m] of a projection step.
+    allows_single : whether products with the pressure may be computed in single precision.
     """
 
     grid: Workspace
@@ -157,6 +185,7 @@ class _Solver(NamedTuple):
     limits: StepLimits
     rtol: float
     shortest_step: float
+    allows_single: bool
 
 
 def solve_active_sets(
@@ -165,6 +194,7 @@ def solve_active_sets(
     rtol: float,
     limit: int,
     tangents: LawOnGrid | None = None,
+    is_coarse: bool = False,
 ) -> Solution:
     """Solve a contact problem, beginning with the pressure that is stored in the workspace.
 
@@ -181,6 +211,9 @@ def solve_active_sets(
     tangents : LawOnGrid, optional
         Tangents of a curved law. They update the hardness and slope of each point in `problem`. By default, the law of
         `problem` remains the same.
+    is_coarse : bool
+        Whether only the pressure and the approach of the solution are needed, as a first guess on a finer grid. The
+        last product is then left out, so that the displacement on the grid is not valid.
 
     Returns
     -------
@@ -196,6 +229,7 @@ def solve_active_sets(
         limits=_LONG_STEPS if longest_axis >= _LONG else _STEPS,
         rtol=rtol,
         shortest_step=grid.stiffness / (4 * longest_axis),
+        allows_single=law.allows_single and grid.pressure.size >= _SINGLE_FROM,
     )
     sets, delta = _initial_sets(solver, problem)
     gradients = Gradients(step=grid.stiffness)
@@ -204,18 +238,26 @@ def solve_active_sets(
     evaluation = evaluation._replace(sets_change=True)
     iterations = 0
     products = 1
-    while not _is_solved(grid, problem, gradients, evaluation, rtol, iterations):
+    while not _is_solved(grid, problem, sets, gradients, evaluation, rtol, iterations):
         is_converged = evaluation.residual <= rtol
+        if is_converged and is_coarse:
+            loops.project(sets.n_near, sets.n_free, gradients.step, evaluation.delta, True)
+            break
         if iterations >= limit and not is_converged:
             break
         sets_repeat = iterations >= _MONOTONE_AFTER or sets.damping < _MONOTONE_BELOW
         if sets_repeat and not is_converged and law.can_descend:
-            _change_sets(solver, sets, gradients, evaluation, keep=True)
+            _change_sets(solver, sets, gradients, evaluation)
             solution = descend(grid, problem, evaluation.delta, rtol, limit - iterations)
             return solution.after(iterations, products + 1)
         iterations += 1
-        if evaluation.sets_change or is_converged or sets.n_free < 2:
-            sets = _change_sets(solver, sets, gradients, evaluation, keep=iterations > 1)
+        is_stale = sets.in_single and evaluation.residual < _SINGLE_UNTIL
+        if evaluation.sets_change or is_converged or is_stale or sets.n_free < 2:
+            # if the residual does not fall, rounding errors may be the reason
+            is_rough = _SINGLE_ABOVE < evaluation.residual < sets.residual
+            in_single = solver.allows_single and is_rough and not is_converged
+            keep = iterations > 1
+            sets = _change_sets(solver, sets, gradients, evaluation, keep, in_single)
             gradients = Gradients(gradients.step)
             products += 1
         if is_converged:
@@ -230,6 +272,7 @@ def solve_active_sets(
 def _is_solved(
     grid: Workspace,
     problem: Problem,
+    sets: ActiveSets,
     gradients: Gradients,
     evaluation: Evaluation,
     rtol: float,
@@ -238,9 +281,10 @@ def _is_solved(
     """Return whether the pressure is accepted as the solution.
 
     The pressure must carry the load, and its residual must be at most `rtol`. The residual must have been computed from
-    a product of K with the present pressure.
+    a product of K with the present pressure in double precision.
     """
-    if not (evaluation.residual <= rtol and gradients.is_fresh):
+    is_accurate = gradients.is_fresh and not sets.in_single
+    if not (evaluation.residual <= rtol and is_accurate):
         return False
     if iterations > 0:
         return True  # the projection in the iteration has made the pressure carry the load
@@ -265,17 +309,30 @@ class Product(NamedTuple):
     total_v: float
 
 
-def _multiply(solver: _Solver, reach: float) -> Product:
-    """Compute v = Kp + h₁, and list the points near contact: points in contact, and points with v below `reach` [m]."""
+def _multiply(solver: _Solver, reach: float, in_single: bool) -> Product:
+    """Compute v = Kp + h₁, and list the points near contact: points in contact, and points with v below `reach` [m].
+
+    in_single : whether to compute the product Kp in single precision.
+    """
     grid, loops = solver.grid, solver.loops
+    n_rows = len(grid.points.v)
+    if in_single:
+        grid.points.dense[:] = grid.points.p
+        loops.search()
+        return Product(*loops.list_near_in_single(grid.compliance, 1.0, reach, 0, n_rows))
     loops.respond()
-    return Product(*loops.list_near(grid.compliance, 1.0, reach, 0, len(grid.points.v)))
+    return Product(*loops.list_near(grid.compliance, 1.0, reach, 0, n_rows))
 
 
 def _list_again(solver: _Solver, sets: ActiveSets, reach: float, margin: float) -> ActiveSets:
     """List the points near contact with another threshold `reach` [m]. The values of v are not changed."""
-    n_rows = len(solver.grid.points.v)
-    n_near, n_free, *_sums = solver.loops.list_near(1.0, 0.0, reach, 0, n_rows)
+    grid, loops = solver.grid, solver.loops
+    n_rows = len(grid.points.v)
+    if sets.in_single:
+        # the grid still contains Kp
+        n_near, n_free, *_sums = loops.list_near_in_single(grid.compliance, 1.0, reach, 0, n_rows)
+    else:
+        n_near, n_free, *_sums = loops.list_near(1.0, 0.0, reach, 0, n_rows)
     return sets._replace(n_near=n_near, n_free=n_free, reach=reach, margin=margin)
 
 
@@ -291,26 +348,38 @@ def _initial_sets(solver: _Solver, problem: Problem) -> tuple[ActiveSets, float]
     margin = 0.5 * problem.load / (n_contact * grid.stiffness)
     delta = problem.first_delta
     if delta is None:
-        product = _multiply(solver, reach=-inf)  # lists the points in contact only
+        # lists the points in contact only
+        product = _multiply(solver, reach=-inf, in_single=False)
         delta = product.total_v / n_contact
         sets = ActiveSets(product.n_near, product.n_free, reach=-inf, margin=margin)
         return _list_again(solver, sets, delta + margin, margin), delta
-    product = _multiply(solver, delta + margin)
-    return ActiveSets(product.n_near, product.n_free, delta + margin, margin), delta
+    # the initial pressure is that of a coarser grid, so that the residual is large
+    in_single = solver.allows_single
+    reach = delta + margin
+    product = _multiply(solver, reach, in_single)
+    sets = ActiveSets(product.n_near, product.n_free, reach, margin, in_single=in_single)
+    return sets, delta
 
 
 def _change_sets(
-    solver: _Solver, sets: ActiveSets, gradients: Gradients, evaluation: Evaluation, keep: bool
+    solver: _Solver,
+    sets: ActiveSets,
+    gradients: Gradients,
+    evaluation: Evaluation,
+    keep: bool = True,
+    in_single: bool = False,
 ) -> ActiveSets:
     """Change the active sets: set the pressure p to the projection y, and compute v from the new pressure.
 
     keep : whether a free point keeps its pressure if it remains elastic or continues to harden.
+    in_single : whether to compute v in single precision.
     """
     delta = evaluation.delta
     solver.loops.project(sets.n_near, sets.n_free, gradients.step, delta, keep)
     reach = delta + sets.margin
-    product = _multiply(solver, reach)
-    if solver.law.has_risen(sets, product.energy, evaluation.residual):
+    product = _multiply(solver, reach, in_single)
+    rounding = _SINGLE_RISE if in_single or sets.in_single else _RISE
+    if solver.law.has_risen(sets, product.energy, evaluation.residual, rounding):
         damping = max(sets.damping / 2, _LEAST_DAMPING)
     else:
         damping = min(1.0, 1.25 * sets.damping)
@@ -322,6 +391,7 @@ def _change_sets(
         product.energy,
         evaluation.residual,
         damping,
+        in_single,
     )
 
 

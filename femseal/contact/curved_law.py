@@ -277,6 +277,8 @@ class CurveTangents:
 
     #: `descent` needs a law that remains the same.
     can_descend = False
+    #: `follow_curve` reads v of the grid in double precision.
+    allows_single = False
 
     def __init__(
         self,
@@ -336,7 +338,9 @@ class CurveTangents:
         """Whether no tangent has a positive slope, so that the compliances of the points have not changed."""
         return self.number == 0
 
-    def has_risen(self, previous: ActiveSets, energy: float, residual: float) -> bool:
+    def has_risen(
+        self, previous: ActiveSets, energy: float, residual: float, rounding: float
+    ) -> bool:
         """Return whether the residual has hardly fallen since the previous change of the sets.
 
         Energies with different tangents cannot be compared.

@@ -110,7 +110,7 @@ def solve_straight_law(level: Level, rtol: float, start: Array | None = None) ->
     grid = workspace(level.half_space)
     grid.start(start, level.line.limit)
     solution = solve_active_sets(grid, level.on_grid(offset, delta), rtol, MAX_ITERATIONS)
-    check_solution(level, float(grid.pressure.mean()), solution, rtol)
+    check_solution(level, float(grid.points.p.sum()) / grid.pressure.size, solution, rtol)
     return make_contact(level, grid, offset, solution)
 
 
@@ -130,7 +130,8 @@ def _start_from_coarser_grids(level: Level, offset: float) -> tuple[Array, float
         grid = workspace(coarse.half_space, level.half_space)
         grid.start(start, coarse.line.limit)
         problem = coarse.on_grid(offset, delta)
-        delta = solve_active_sets(grid, problem, COARSE_RTOL, COARSE_ITERATIONS).delta
+        solution = solve_active_sets(grid, problem, COARSE_RTOL, COARSE_ITERATIONS, is_coarse=True)
+        delta = solution.delta
         start = grid.pressure
         del grid, coarse  # release their memory before the next grid is created
     return start, delta
@@ -183,8 +184,8 @@ def make_contact(level: Level, grid: Workspace, offset: float, solution: Solutio
     pressure = grid.pressure.copy() if grid.is_kept else grid.pressure
     grid.release()
     gap = np.empty(pressure.shape)
-    deformation = np.empty(pressure.shape)
-    is_plastic = np.empty(pressure.shape, bool)
+    deformation = np.zeros(pressure.shape)
+    is_plastic = np.zeros(pressure.shape, bool)
     parts_of_grid = rows(*pressure.shape)
     law = LinearLaw(level.line.hardness.ravel(), level.line.slope.ravel())
     flat_results = gap.ravel(), deformation.ravel(), is_plastic.ravel()

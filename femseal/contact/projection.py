@@ -33,8 +33,10 @@ ROOT_STEPS = 200
 
 
 @exact
-def list_near(gap0, offset, law, points, near, free, factor, weight, reach, first, end):
-    """Compute v = factor · v + weight · (h₁ − offset) in rows `first` to `end` − 1, and list the points near contact.
+def list_near(
+    gap0, offset, law, points, near, free, values, stores, factor, weight, reach, first, end
+):  # fmt: skip
+    """Compute v = factor · values + weight · (h₁ − offset), and list the points near contact in some rows.
 
     A point is near contact if it is in contact or if v is below the threshold `reach`. The free points are listed, too.
 
@@ -46,9 +48,14 @@ def list_near(gap0, offset, law, points, near, free, factor, weight, reach, firs
         Height [m] that is subtracted from h₁.
     law, points, near, free
         Groups of arrays, see `point_arrays`.
+    values : array (n1, >= n2)
+        Displacement or v of all points: `points.v` or, in single precision, `points.kd`.
+    stores : bool
+        Whether to replace `values` by v.
     factor, weight : float
-        Factors of v and of h₁ − offset. If v is the displacement of a half-space of unit modulus, `factor` is 1/E* and
-        `weight` is 1. If v is already complete and only a new list is needed, `factor` is 1 and `weight` is 0.
+        Factors of `values` and of h₁ − offset. If `values` is the displacement of a half-space of unit modulus,
+        `factor` is 1/E* and `weight` is 1. If `values` is already v and only a new list is needed, `factor` is 1 and
+        `weight` is 0.
     reach : float
         Threshold of v [m].
     first, end : int
@@ -65,23 +72,24 @@ def list_near(gap0, offset, law, points, near, free, factor, weight, reach, firs
     energy = 0.0
     load = 0.0
     total = 0.0
-    columns = points.p.size // points.v.shape[0]  # rows of v may be longer
+    columns = points.p.size // values.shape[0]  # rows of `values` may be longer
     # reading the members of a group within a loop takes time
-    all_p, all_v, all_states = points.p, points.v, points.state
+    all_p, all_states, dense = points.p, points.state, points.dense
     near_index, near_p, near_v = near.index, near.p, near.v
     free_index, free_place = free.index, free.place
     n_near = 0
     n_free = 0
     for row in range(first, end):
         start = row * columns
-        v = all_v[row, :columns]
+        row_values = values[row, :columns]
         p = all_p[start : start + columns]
         state = all_states[start : start + columns]
         heights = gap0[start : start + columns]
         for j in range(columns):
             h = heights[j] - offset
-            vj = factor * v[j] + weight * h
-            v[j] = vj
+            vj = factor * row_values[j] + weight * h
+            if stores:
+                row_values[j] = vj
             if state[j] != 0 or vj < reach:
                 energy += 0.5 * p[j] * (vj + h)  # ½⟨p, Kp⟩ + ⟨p, h₁⟩ = ½⟨p, v + h₁⟩
                 load += p[j]
@@ -98,6 +106,8 @@ def list_near(gap0, offset, law, points, near, free, factor, weight, reach, firs
                     free_index[n_free] = i
                     free_place[n_free] = n_near
                     n_free += 1
+                else:
+                    dense[i] = 0.0  # a product in single precision has written the pressure there
                 n_near += 1
     return n_near, n_free, energy, load, total
 
@@ -112,7 +122,7 @@ def _empty_lists(size: int) -> tuple[NearPoints, FreePoints]:
 
 
 def list_near_in_parts(
-    gap0, offset, law, points, near, free, factor, weight, reach, _first, n_rows
+    gap0, offset, law, points, near, free, values, stores, factor, weight, reach, _first, n_rows
 ):  # fmt: skip
     """Make the lists of `list_near` on several threads.
 
@@ -127,7 +137,9 @@ def list_near_in_parts(
     part_lists = [_empty_lists(most_points) for _ in row_ranges[:n_at_a_time]]
 
     def list_part(row_range, lists):
-        return list_near(gap0, offset, law, points, *lists, factor, weight, reach, *row_range)
+        return list_near(
+            gap0, offset, law, points, *lists, values, stores, factor, weight, reach, *row_range
+        )
 
     sums = []  # energy, load and total of each part
     n_near = 0
@@ -514,6 +526,9 @@ def gap_and_deformation(first, end, p, v, delta, c, law, gap, deformation, plast
     raw gap, with the displacement plus undeformed gap v and the approach δ. For s = 0, p = H and the formula becomes
     u = −g. The rounding error of u is small for any hardening modulus s. If s is much larger than c, the term p − H
     determines u. If s is much smaller than c, the term −c g determines u.
+
+    The arrays `deformation` and `plastic` must contain zeros at first. Most rows of a light contact have no plastic
+    point, and need no memory in arrays made by `numpy.zeros` as long as nothing is written there.
     """
     hardness, slope = law.hardness, law.slope
     columns = p.size // v.shape[0]
@@ -524,14 +539,13 @@ def gap_and_deformation(first, end, p, v, delta, c, law, gap, deformation, plast
             i = start + j
             g = v[row, j] - delta
             gap[i] = 0.0 if (p[i] > 0.0) | (g < 0.0) else g
-            plastic[i] = p[i] >= value_at(hardness, i)
-            deformation[i] = 0.0
-            n_plastic += plastic[i]
+            n_plastic += p[i] >= value_at(hardness, i)
         if n_plastic == 0:
             continue
         for j in range(columns):
             i = start + j
-            if plastic[i]:
+            if p[i] >= value_at(hardness, i):
+                plastic[i] = True
                 g = v[row, j] - delta
                 s = value_at(slope, i)
                 u = -g if s == 0.0 else (p[i] - value_at(hardness, i) - c * g) / (s + c)

@@ -37,6 +37,7 @@ _THREADED = 2**18
 #: Loops for small grids. Each of them is compiled as a single function.
 _UNDIVIDED: dict[str, Any] = {
     "list_near": projection.list_near,
+    "list_near_in_single": projection.list_near,
     "evaluate": projection.exact(projection.evaluate),
     "project": projection.exact(projection.project),
     "restart": projection.fast(gradient_steps.restart),
@@ -46,6 +47,7 @@ _UNDIVIDED: dict[str, Any] = {
 #: Loops for large grids. Their parts are divided between threads.
 _IN_PARTS: dict[str, Any] = {
     "list_near": projection.list_near_in_parts,
+    "list_near_in_single": projection.list_near_in_parts,
     "evaluate": projection.evaluate,
     "project": projection.project,
     "restart": gradient_steps.restart,
@@ -149,14 +151,15 @@ class _KeptArrays(threading.local):
     def get(self, unit: HalfSpace, threads: int) -> WorkArrays:
         """Return the arrays of a grid, for a half-space of unit modulus; make them if they are not kept."""
         key = unit, threads
-        if key not in self.arrays:
+        arrays = self.arrays.pop(key, None)
+        if arrays is None:
             others = sum(prod(half_space.shape) for half_space, _ in self.arrays)
             while self.arrays and others + prod(unit.shape) > _KEPT_IN_ALL:
                 (oldest, _), _arrays = self.arrays.popitem(last=False)
                 others -= prod(oldest.shape)
-            self.arrays[key] = WorkArrays(unit, threads)
-        self.arrays.move_to_end(key)
-        return self.arrays[key]
+            arrays = WorkArrays(unit, threads)
+        self.arrays[key] = arrays  # the last item is the one that was used most recently
+        return arrays
 
 
 _kept_arrays = _KeptArrays()
@@ -238,13 +241,15 @@ class Workspace:
             """Return the loop `name`, to which the given first arguments are already passed."""
             loop = loops[name]
             if not is_divided:
-                loop = entry_point(loop, *groups, *_OTHER_ARGUMENTS[name])
+                loop = entry_point(name, loop, *groups, *_OTHER_ARGUMENTS[name])
             return partial(loop, *groups)
 
+        listed = problem.gap0, problem.offset, law, points, near, free
         return Loops(
             respond=arrays.respond.apply,
             search=arrays.search.apply,
-            list_near=bind("list_near", problem.gap0, problem.offset, law, points, near, free),
+            list_near=bind("list_near", *listed, points.v, True),
+            list_near_in_single=bind("list_near_in_single", *listed, points.kd, False),
             evaluate=bind("evaluate", law, points, near, problem.load),
             project=bind("project", law, points, near, free, problem.load),
             restart=bind("restart", law, points, near, free, lists, self.preconditioner),
@@ -260,7 +265,10 @@ class Loops(NamedTuple):
     comment next to a loop lists its remaining arguments.
 
     respond : compute the displacement due to the pressure, for a half-space of unit modulus.
-    search : compute the displacement due to a search direction, for a half-space of unit modulus.
+    search : compute the displacement due to the values in `points.dense` in single precision, for a half-space of unit
+        modulus.
+    list_near, list_near_in_single : list the points near contact after `respond` and after `search`. Only `list_near`
+        replaces the displacement on the grid by v, which would lose digits in single precision.
 
     All other loops are described in the modules `projection` and `gradient_steps`.
     """
@@ -268,6 +276,7 @@ class Loops(NamedTuple):
     respond: Call  # no arguments
     search: Call  # no arguments
     list_near: Call  # factor, weight, reach, first, end
+    list_near_in_single: Call  # the same
     evaluate: Call  # n_near, c, delta
     project: Call  # n_near, n_free, c, delta, keep
     restart: Call  # n_free, delta
@@ -278,6 +287,7 @@ class Loops(NamedTuple):
 #: Examples of the remaining arguments of each loop, which tell their types.
 _OTHER_ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "list_near": (1.0, 1.0, 1.0, 0, 1),
+    "list_near_in_single": (1.0, 1.0, 1.0, 0, 1),
     "evaluate": (1, 1.0, 1.0),
     "project": (1, 1, 1.0, 1.0, True),
     "restart": (1, 1.0),

@@ -310,6 +310,7 @@ def test_large_grids_change_digits_only_and_threads_not_even_these(law, boundary
         patch.setattr(workspace, "_THREADED", 0)
         patch.setattr(projection, "PART", 1000)
         patch.setattr(compiled, "_ITEMS", 60)
+        patch.setattr(active_sets, "_SINGLE_FROM", 0)
         large, *others = (solve_contact(h, body, threads=n, **given) for n in (1, 2, 3))
     for other in others:
         assert other.pressure.tobytes() + other.gap.tobytes() == (
@@ -319,6 +320,42 @@ def test_large_grids_change_digits_only_and_threads_not_even_these(law, boundary
     assert large.fft_pairs <= 1.25 * whole.fft_pairs
     for name, size in (("pressure", H), ("gap", h.std()), ("plastic_deformation", h.std())):
         assert_allclose(getattr(large, name), getattr(whole, name), rtol=0, atol=1e-7 * size)
+
+
+@pytest.mark.parametrize("hardness", [H, np.inf])
+@pytest.mark.parametrize(
+    "boundary", [("periodic", "periodic"), ("mirror", "periodic"), ("free", "free")]
+)
+def test_products_in_single_precision_leave_no_error(hardness, boundary, monkeypatch):
+    """Displacements of the returned pressure in double precision give the same gap and residual at any tolerance."""
+    shape = (160, 128)
+    h, body = rough(shape, seed=5), HalfSpace(shape, (D, D), E, boundary)
+    products = []
+    apply = convolution.Convolution.apply
+
+    def counted_apply(product):
+        if product.pressure.shape == shape:
+            products.append(product.pressure.dtype)
+        apply(product)
+
+    monkeypatch.setattr(convolution.Convolution, "apply", counted_apply)
+    with monkeypatch.context() as patch:
+        patch.setattr(active_sets, "_SINGLE_FROM", np.inf)
+        in_double = solve_contact(h, body, pressure=0.05 * H, hardness=hardness, rtol=1e-11)
+    most_double_products = products.count(np.float64)
+    for rtol in (1e-1, 1e-3, 1e-5, 1e-8, 1e-11):
+        products.clear()
+        contact = solve_contact(h, body, pressure=0.05 * H, hardness=hardness, rtol=rtol)
+        double_products = products.count(np.float64)
+        p = contact.pressure
+        assert residual(contact, h, hardness=hardness) <= 1.01 * rtol
+        raw_gap = body.displacement(p) + h - contact.approach
+        expected = np.where(p == 0, np.maximum(raw_gap, 0), 0)
+        assert_allclose(contact.gap, expected, rtol=0, atol=1e-12 * np.ptp(h))
+    # at most two sets were chosen below the residual down to which single precision is used
+    assert double_products < most_double_products - 2
+    assert contact.fft_pairs <= in_double.fft_pairs + 3
+    assert_allclose(p, in_double.pressure, rtol=0, atol=1e-9 * p.max())
 
 
 def test_solutions_do_not_depend_on_those_before_and_leave_what_is_given():
