@@ -30,7 +30,7 @@ from ..studies.study_list import (
     studies_named,
 )
 from ..studies.study_type import Study
-from .completion import complete, least_detrend
+from .completed_tables import complete, least_detrend
 from .faces import Face, FileFace, SurfaceTable
 from .faults import errors_in_table, invalid_value
 from .load import LoadTable

@@ -24,6 +24,8 @@ from ..base import InputError, to_si
 from ..materials import YOUNG_LIMITS
 from .faults import as_value_error, expected_value, invalid_value
 
+#: Table of a case before validation: texts and numbers by key.
+RawTable = dict[str, Any]
 #: Largest absolute value of a quantity in SI units. The smallest absolute value, apart from 0, is the inverse of
 #: `_LARGEST`. Within these limits, products of several quantities remain finite.
 _LARGEST = 1e30
@@ -67,7 +69,7 @@ def in_si(value: Any, unit: str, like: str = "") -> float:
     return to_si(value, unit, like=like)
 
 
-def unvalidated_value(table: dict[str, Any], name: str, unit: str, default: Any = None) -> Any:
+def unvalidated_value(table: RawTable, name: str, unit: str, default: Any = None) -> Any:
     """Return the value of a key in SI units, from a table that has not been validated yet.
 
     If the key is missing or its value is invalid, the default is returned. The validation of the case reports invalid

@@ -19,7 +19,7 @@ from ..seal.form import FORMS
 from ..seal.input_checks import check_inlet
 from ..seal.layouts import LAY_NAMES, LAYOUTS, Layout, MeshLayout, RectangularLayout, parse_lay
 from ..topography.seat import SEATS
-from .completion import as_tables
+from .completed_tables import as_tables
 from .faults import as_value_error, invalid_value
 from .quantity_types import (
     Length,

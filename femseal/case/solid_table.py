@@ -18,7 +18,7 @@ from ..contact import (
 )
 from ..contact.hardness_curves import SMALLEST_DEPTH
 from ..materials import HARDNESS_FACTOR, Coated, Solid, named_solid
-from .completion import HARDNESS_COLUMNS
+from .completed_solids import HARDNESS_COLUMNS
 from .faults import invalid_value
 from .quantity_types import (
     Hardening,
