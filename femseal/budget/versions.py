@@ -9,16 +9,16 @@ import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import ceil, prod
-from typing import Any, Protocol, cast
+from typing import Any, cast
 
 import numpy as np
 
 from ..base import Array, FemsealError, Mapper, NotKept, Shape
-from ..studies import Sampling, Scene, Study, StudyResult, study_of_result
+from ..studies import Study, StudyResult, study_of_result
 from ..studies.sampling import FEWEST_BY_DEFAULT
-from ..topography import Conditioning, Continuation, Representative, Surface
-from .changed_models import FormTolerance, ModelChange
+from ..topography import Surface
 from .leakage_changes import CoarserSolution
+from .prepared import Prepared
 
 #: Ratio of the numbers of points along each side of the coarser grid and of the original one.
 COARSENING = 0.5
@@ -33,86 +33,6 @@ LEAST_REMOVED = 1e-4
 #: Number of versions in which the extrapolated waves have other random phases.
 OTHER_PHASES = 3
 log = logging.getLogger("femseal")
-
-
-class Version(Protocol):
-    """Describe the input of the studies of a run. `preparation.Prepared` implements this protocol."""
-
-    @property
-    def scene(self) -> Scene:
-        """Surface, materials, fluid and loads of the studies."""
-        ...
-
-    @property
-    def sampling(self) -> Sampling | None:
-        """Options of the realisations; None if the run has no stochastic study."""
-        ...
-
-    @property
-    def conditioning(self) -> Conditioning:
-        """Record of how the surface was conditioned."""
-        ...
-
-    @property
-    def continuation(self) -> Continuation | None:
-        """Extrapolation of the spectrum beyond the cut-off wavelength; None if the spectrum is not extrapolated."""
-        ...
-
-    @property
-    def form(self) -> FormTolerance | None:
-        """Tolerances of the form deviations of the seal and of the shape of the seat."""
-        ...
-
-    @property
-    def longest_waves(self) -> Representative | None:
-        """Longest waves of a measured patch; None for a generated surface."""
-        ...
-
-    @property
-    def flatness(self) -> float | None:
-        """Flatness of the seal [m]."""
-        ...
-
-    @property
-    def studies(self) -> list[Study]:
-        """All studies of the run."""
-        ...
-
-    @property
-    def solved_studies(self) -> list[Study]:
-        """Studies that must be solved for this version, see `solved_study`."""
-        ...
-
-    @property
-    def least_points(self) -> Shape:
-        """Smallest permitted number of points along x1 and x2."""
-        ...
-
-    @property
-    def points_divide_by(self) -> Shape:
-        """Numbers that must divide the numbers of points along x1 and x2, so that all blocks are equal."""
-        ...
-
-    @property
-    def cut_and_tiles(self) -> tuple[Any, Any]:
-        """Division of the surface into cells, and division of the seal into tiles."""
-        ...
-
-    def replaced(self, **changes: Any) -> Any:
-        """Return a copy of the input with some attributes replaced."""
-        ...
-
-    def changed(self, change: ModelChange) -> Any:
-        """Return a copy of the input with a change of the model."""
-        ...
-
-    def solve(self, study: Study, mapper: Mapper) -> Any:
-        """Solve a study, and return its result."""
-        ...
-
-    def longer_waves(self, surface: Surface, mapper: Mapper) -> Array | None:
-        """Compute the changes of ln(leakage) due to waves that are longer than the patch."""
-        ...
 
 
 def coarser_points(points: Shape, least: Shape = (1, 1), divide_by: Shape = (1, 1)) -> Shape | None:
@@ -145,14 +65,14 @@ def solved_study(study: Study) -> Study:
     return study.contained or study
 
 
-def coarser_grid(version: Version) -> Version | None:
+def coarser_grid(version: Prepared) -> Prepared | None:
     """Make the version with half the points along each axis; None if the grid cannot be made so coarse."""
     surface = version.scene.surface
     points = coarser_points(surface.shape, version.least_points, version.points_divide_by)
     return None if points is None else _reduced(version, surface.resample(points))
 
 
-def without_filtered_waves(version: Version) -> Version | None:
+def without_filtered_waves(version: Prepared) -> Prepared | None:
     """Make the version without the shortest octave of waves; None if no waves were removed from the surface."""
     if not _lacks_waves(version):
         return None
@@ -172,7 +92,7 @@ def without_filtered_waves(version: Version) -> Version | None:
     return _reduced(version, surface.low_pass(wave).resample((n1, n2)))
 
 
-def continued_versions(grid: Version) -> list[Version]:
+def continued_versions(grid: Prepared) -> list[Prepared]:
     """Make the versions that show the error of extrapolating the spectrum.
 
     In the first `OTHER_PHASES` versions, the extrapolated waves have other random phases. In the last version, the
@@ -194,7 +114,7 @@ def continued_versions(grid: Version) -> list[Version]:
     ]
 
 
-def kept_slope(version: Version) -> float:
+def kept_slope(version: Prepared) -> float:
     """Return the rms slope of the surface, divided by its rms slope with the missing waves.
 
     The ratio is 1 if the missing waves have hardly any slope, see `LEAST_REMOVED`.
@@ -202,12 +122,12 @@ def kept_slope(version: Version) -> float:
     return version.conditioning.kept_slope if _lacks_waves(version) else 1.0
 
 
-def _lacks_waves(version: Version) -> bool:
+def _lacks_waves(version: Prepared) -> bool:
     """Return whether the filter or the resolution of the instrument has noticeably reduced the rms slope."""
     return 1 - version.conditioning.kept_slope >= LEAST_REMOVED
 
 
-def _reduced(version: Version, surface: Surface) -> Version:
+def _reduced(version: Prepared, surface: Surface) -> Prepared:
     """Make the version with fewer realisations and a coarser surface, which is divided into the same cells.
 
     The realisations of the coarser version use the same cells in the same tiles as the first realisations of the run,
@@ -222,8 +142,7 @@ def _reduced(version: Version, surface: Surface) -> Version:
         sampling = replace(sampling, realisations=count, median_fields=False)
     methods = frozenset(solved_study(study).name for study in version.studies)
     scene = replace(version.scene, surface=surface)
-    reduced: Version = version.replaced(scene=scene, sampling=sampling, methods=methods)
-    return reduced
+    return version.replaced(scene=scene, sampling=sampling, methods=methods)
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +157,7 @@ class VersionLeakage:
     realisations: int | None
 
 
-def solved_version(version: Version, mapper: Mapper) -> dict[str, VersionLeakage]:
+def solved_version(version: Prepared, mapper: Mapper) -> dict[str, VersionLeakage]:
     """Solve the studies of a version, and return the leakage of each study that succeeded, by its key."""
     leakages: dict[str, VersionLeakage] = {}
     for study in version.solved_studies:
@@ -259,7 +178,7 @@ def leakage_of(result: StudyResult) -> Array:
 
 
 def compare_leakage(
-    result: StudyResult, version: Version, solved: Mapping[str, VersionLeakage]
+    result: StudyResult, version: Prepared, solved: Mapping[str, VersionLeakage]
 ) -> CoarserSolution:
     """Compare the leakage of a coarser version of the input with that of the original input.
 

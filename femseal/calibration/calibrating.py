@@ -35,12 +35,12 @@ from ..base import (
     write_text,
 )
 from ..base.leak_units import LeakUnit
+from ..budget.prepared import Prepared
 from ..case.case import Case
 from ..case.reading import load_case, read_case
 from ..execution.resuming import begin_run, remove_run, store_folder, writing_in
 from ..execution.run import Progress, Run, no_progress, ordered_map
 from ..preparation.preparation import prepare
-from ..preparation.prepared import Prepared
 from ..runs import job
 from ..runs.forecast import forecast, refuse_too_large
 from ..runs.identity import face_files, user_code

@@ -23,11 +23,11 @@ import numpy as np
 import scipy
 
 from ..base import Array
+from ..budget.prepared import Prepared
 from ..case.case import Case
 from ..execution.run import Progress, Run, ordered_map
 from ..flow.law import law_of
 from ..preparation.preparation import prepare
-from ..preparation.prepared import Prepared
 from ..refinement.settings import last_version
 from ..results.results import Results
 from ..studies import FluidState, Scene

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
+    from ..budget.prepared import Prepared
     from .preparation import prepare
-    from .prepared import Prepared
 else:
     __getattr__, __dir__ = lazy(__name__)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..base import InputError, to_text
+from ..budget.prepared import Prepared
 from ..case.case import Case
 from ..case.table_types import unusual_values
 from ..checks import (
@@ -31,7 +32,6 @@ from .grooves import groove_warnings, layout_with_grooves
 from .keys import SCENE_KEYS, SEAL_KEYS, errors_with_keys
 from .measurement import filter_warnings, form_check_pressures, is_measured
 from .memory import refuse_impossible_sizes
-from .prepared import Prepared
 from .ring_yield import ring_yield_warnings
 from .seal_input import add_forms_or_pressure_map, form_tolerance, lay_out_seal
 from .surface import condition_surface

@@ -18,10 +18,10 @@ from ..base import (
     free_memory,
 )
 from ..budget import BudgetRequest, ErrorBudget, budgets_of, widest_interval
+from ..budget.prepared import Prepared
 from ..case.case import Case
 from ..execution.run import Run
 from ..preparation.memory import START_MEMORY
-from ..preparation.prepared import Prepared
 from .settings import (
     Settings,
     SettingsChange,

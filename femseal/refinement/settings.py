@@ -5,10 +5,10 @@ from math import ceil, log1p
 from typing import Any, NamedTuple
 
 from ..base import Shape, as_text, to_text, validate
+from ..budget.prepared import Prepared
 from ..case.case import Case
 from ..face.cells import FEWEST_POINTS
 from ..preparation.memory import refuse_impossible_sizes
-from ..preparation.prepared import Prepared
 from ..studies import StudyCost
 
 #: Grid of the first and of the finest attempt: how many times the points along each side are doubled, relative to the

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..base import Shape, as_text, to_text
+from ..budget.prepared import Prepared
 from ..case.case import Case
 from ..case.faces import Face, FileFace
 from ..case.seal_tables import FluidTable
@@ -12,7 +13,6 @@ from ..case.solid_table import CoatingTable, SolidTable
 from ..checks import FormEffect, QuickEstimate, mean_modulus
 from ..materials import METALS
 from ..preparation.drawing_check import drawing_text
-from ..preparation.prepared import Prepared
 from ..results.load_steps import cycle_text
 from ..results.variables import fluid_text
 from ..seal.layouts import RectangularLayout

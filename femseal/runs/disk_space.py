@@ -5,8 +5,8 @@ from math import prod
 
 from ..base import to_text
 from ..base.machine import storing
+from ..budget.prepared import Prepared
 from ..case.case import Case
-from ..preparation.prepared import Prepared
 from ..studies.cost_model import RESULT_BYTES, STATE_BYTES, states_memory
 from ..studies.sampling import usual_realisations
 from .forecast import budget_inputs

@@ -12,11 +12,11 @@ import numpy as np
 from ..base import InputError, as_text, duration, free_memory
 from ..base.machine import storing
 from ..budget import BudgetRequest, versions_of_budget
+from ..budget.prepared import Prepared
 from ..case.case import Case
 from ..contact.workspace import KEPT_POINTS
 from ..flow.solvers.choice import elimination_memory
 from ..preparation.memory import START_MEMORY
-from ..preparation.prepared import Prepared
 from ..refinement.settings import first_version
 from ..studies import StudyCost, drop_ratio
 from ..studies.sampling import FEWEST_BY_DEFAULT, MOST_BY_DEFAULT
@@ -187,5 +187,4 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     if not case.output.budget:
         return []
     request = BudgetRequest(prepared, case.output.model_parts, case.hardness_tolerance)
-    # every version of a prepared case is an instance of `Prepared`, which only type checkers do not know
-    return [version for version in versions_of_budget(request) if isinstance(version, Prepared)]
+    return versions_of_budget(request)

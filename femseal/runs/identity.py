@@ -8,10 +8,10 @@ from typing import Any
 from uuid import uuid4
 
 from ..base import InputError, numerical_versions
+from ..budget.prepared import Prepared
 from ..case.case import Case
 from ..case.table_types import makers_in
 from ..execution.resuming import USER_CODE
-from ..preparation.prepared import Prepared
 from ..refinement.settings import first_settings, first_version
 from ..store.digests import is_known
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 import psutil
 
 from ..base import Shape, as_text, counted, duration
+from ..budget.prepared import Prepared
 from ..case.case import Case
 from ..checks import coating_depth_warnings, flow_warnings
-from ..preparation.prepared import Prepared
 from ..refinement.refine_to_accuracy import TIME_LIMIT
 from ..refinement.settings import first_settings, first_version, grid_points
 from ..studies.sampling import FEWEST_BY_DEFAULT, MOST_BY_DEFAULT

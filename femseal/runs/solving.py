@@ -9,10 +9,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 from ..budget import BudgetRequest, ErrorBudget, budgets_of
+from ..budget.prepared import Prepared
 from ..case.case import Case
 from ..checks import FormEffect, flow_warnings
 from ..execution.run import Run
-from ..preparation.prepared import Prepared
 from ..refinement.refine_to_accuracy import RefinedAnswer, refine_to_accuracy
 from ..results import Results, RunFacts, assemble
 from ..studies import FluidState, OtherLeakage, StudyResult, drop_ratio

@@ -1,4 +1,7 @@
-"""Hold the input of the studies of a case, and make the versions of it that a run needs."""
+"""Hold the input of the studies of a run, and make the versions of it that a run and its error budget need.
+
+The input is made from a case by `preparation.prepare`.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +10,6 @@ from math import lcm
 from typing import Any
 
 from ..base import Array, Mapper, Shape
-from ..budget import FormTolerance, ModelChange
-from ..budget.longer_waves import longer_waves
 from ..checks import FormEffect, QuickEstimate, estimate_scene, solve_form_effect
 from ..face.cells import Cut
 from ..seal.tiles import SealTiles
@@ -22,6 +23,8 @@ from ..topography import (
     Surface,
     representative,
 )
+from .changed_models import FormTolerance, ModelChange
+from .longer_waves import longer_waves
 
 
 @dataclass(frozen=True)
