@@ -46,7 +46,7 @@ def limited_factor_warnings(
     surface_leakage: Array,
     cells_leakage: Array,
     largest: float,
-    relief: float = 0.0,
+    contact_pressures: Array | None = None,
 ) -> Iterator[str]:
     """Warn about seals with cells at random whose correction factor is limited.
 
@@ -57,21 +57,24 @@ def limited_factor_warnings(
     median : array (steps,)
         Median leakage of the realisations [m²/s].
     states : LoadProgramme
-        Loads of the contact states. If these are not the load steps of the seal but tabulated pressures, each load step
-        on loading is assigned the nearest state on loading; load steps on unloading are not checked.
+        Loads of the contact states, at which the correction factors are known: either the load steps of the seal, or
+        tabulated contact pressures. With tabulated pressures, each load step on loading is assigned the state on
+        loading whose pressure is nearest; load steps on unloading are not checked.
     surface_leakage, cells_leakage : arrays (states,)
         Leakage of the surface, and of its grid of cells [m²/s].
     largest : float
         Largest correction factor; the smallest one is 1/`largest`.
-    relief : float
-        Pressure [Pa] by which the mean fluid pressure reduces the contact pressure at the tabulated pressures.
+    contact_pressures : array (steps,), optional
+        Contact pressure of each load step [Pa], to find the nearest tabulated pressure. It is lower than the nominal
+        pressure if fluid pressure acts on the surfaces. Default: the nominal pressures of the load steps.
     """
     is_limited = _is_limited(
         correction_factors(surface_leakage, cells_leakage, states, largest), largest
     )
     if states != steps:
         loading = np.flatnonzero(states.on_loading)
-        contact_pressures = np.maximum(steps.pressures - relief, 0.0)
+        if contact_pressures is None:
+            contact_pressures = steps.pressures
         distance = np.abs(contact_pressures[:, None] - states.pressures[loading])
         nearest = loading[distance.argmin(axis=1)]  # (steps,)
         is_limited = is_limited[nearest] & steps.on_loading

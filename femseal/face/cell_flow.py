@@ -181,19 +181,19 @@ def cell_permeabilities(
     """
     drop = settings.drop
     k = np.zeros(drop.pressures.size)
-    solvers = []
+    systems = []
     for n, p in enumerate(drop.pressures):
         equivalent = drop.law.equivalent_gap(gap, p)
         cell = cell_flow(
             equivalent, spacing, axis=axis, sides="mirror", solver=settings.solver, core=core
         )
         k[n] = cell.permeability
-        solvers.append(SolveCounts.of(cell.flow))
+        systems.append(SolveCounts.of(cell.flow))
         if k[0] == 0:  # a closed cell is closed at every fluid pressure
             break
     # the cell counts once, however many linear systems were solved for the cell
     is_open = cell.flow.percolates
-    counts = SolveCounts.total(solvers)
+    counts = SolveCounts.total(systems)
     return CellPermeabilities(k, replace(counts, solved=int(is_open), closed=int(not is_open)))
 
 
@@ -206,14 +206,14 @@ class FaceFlow:
     permeability : float
         Permeability k [m³]: the mass flow rate per width is k Δφ/L1, with the drop Δφ of the viscous pressure potential
         over the length L1 of the surface.
-    solvers : SolveCounts
-        Numbers of systems by solver.
+    counts : SolveCounts
+        Number of linear systems that each solver solved.
     potential : array, (n1, n2)
         Potential, scaled to 1 at the inlet and 0 at the outlet; NaN in contact and in pockets.
     """
 
     permeability: float
-    solvers: SolveCounts
+    counts: SolveCounts
     potential: Floats
 
 
@@ -251,7 +251,7 @@ def solve_surface_flow(
         widths = [part.shape[1] for part in parts]
         value = float(np.average([flow.permeability for flow in flows], weights=widths))
         potential = np.concatenate([flow.potential for flow in flows], axis=1)
-        return FaceFlow(value, SolveCounts.total(flow.solvers for flow in flows), potential)
+        return FaceFlow(value, SolveCounts.total(flow.counts for flow in flows), potential)
     counts = SolveCounts()
 
     def solve(gap: Array) -> tuple[float, Array, Permeability]:

@@ -181,24 +181,23 @@ def supply_cells(
 
     fractions : pressure of each tile divided by the nominal pressure of the load step (steps, tiles).
     """
-    if tiles.in_order:
-        return _supply_in_order(scene, cut, tiles, mapper)
     steps = scene.steps
-    path_fractions, path_of_tile = distinct_paths(fractions)
-    paths = steps.pressures[:, None] * path_fractions  # nominal pressures (step, path)
-    fluid = TileFluid.of(scene)
-    contact_paths = fluid.effective_pressures(paths)  # contact pressures (step, relief and path)
-    has_single_path = contact_paths.shape[1] == 1
-    if has_single_path and np.array_equal(contact_paths[:, 0], steps.pressures):
-        # all tiles have the contact pressure of the load steps, so that nothing is interpolated
-        cells = solve_cells_at_pressures(scene, cut, steps, mapper)
-        # (fluid pressure, axis, step, path, cell) with a single path
-        k = cells.corrected_k.reshape(*cells.k.shape[:3], 1, -1)
+    if tiles.in_order:
+        # all tiles have the nominal pressures of the load steps
+        path_of_tile = np.zeros(tiles.count, np.int64)
+        paths = steps.pressures[:, None]
+        fluid = TileFluid(tuple(scene.flow.drop.pressures))
+        cells = _solve_cells_in_order(scene, cut, mapper)
+        # The correction factors are not needed, because the leakage of each realisation is corrected as a whole, see
+        # `stochastic_study`.
+        k = _on_single_path(cells.k)
+        unsolved = cells.unsolved
     else:
-        tabulated_steps = choose_tabulated_pressures(contact_paths, steps, scene.law.is_elastic)
-        cells = solve_cells_at_pressures(scene, cut, tabulated_steps, mapper)
-        k_on_contact_paths = interpolate_along_paths(cells, contact_paths, steps)
-        k = fluid.select_matching_reliefs(k_on_contact_paths)
+        path_fractions, path_of_tile = distinct_paths(fractions)
+        paths = steps.pressures[:, None] * path_fractions
+        fluid = TileFluid.of(scene)
+        cells, k = _solve_cells_at_random(scene, cut, fluid, paths, mapper)
+        unsolved = scene.separated_steps
     return CellSupply(
         scene=scene,
         tiles=tiles,
@@ -207,31 +206,43 @@ def supply_cells(
         fluid=fluid,
         path_of_tile=path_of_tile,
         paths=paths,
-        unsolved=scene.separated_steps,
+        unsolved=unsolved,
     )
 
 
-def _supply_in_order(scene: Scene, cut: Cut, tiles: SealTiles, mapper: Mapper) -> CellSupply:
-    """Compute the permeabilities of the cells at the load steps, for a seal whose cells stay in order."""
+def _solve_cells_in_order(scene: Scene, cut: Cut, mapper: Mapper) -> FaceCells:
+    """Solve the cells at the load steps, for a seal whose cells stay in order."""
     # spiral grooves belong to the seal, not to its cells; a rectangular layout has no spiral
     without_spiral = scene
     if scene.flow.spiral is not None:
         without_spiral = replace(scene, layout=RectangularLayout())
     cells = cut_into_cells(without_spiral, cut, mapper).cells
     assert cells is not None
-    # (fluid pressure, axis, step, path, cell) with a single path. The correction factors are not needed, because the
-    # leakage of each realisation is corrected as a whole, see `stochastic_study`.
-    k = cells.k.reshape(*cells.k.shape[:3], 1, -1)
-    fluid = TileFluid(tuple(scene.flow.drop.pressures))
-    path_of_tile = np.zeros(tiles.count, np.int64)
-    paths = scene.steps.pressures[:, None]
-    return CellSupply(
-        scene=scene,
-        tiles=tiles,
-        cells=cells,
-        k=k,
-        fluid=fluid,
-        path_of_tile=path_of_tile,
-        paths=paths,
-        unsolved=cells.unsolved,
-    )
+    return cells
+
+
+def _solve_cells_at_random(
+    scene: Scene, cut: Cut, fluid: TileFluid, paths: Array, mapper: Mapper
+) -> tuple[FaceCells, Array]:
+    """Solve the cells of a seal whose tiles take random cells.
+
+    paths : nominal pressures of the pressure paths (steps, paths) [Pa].
+
+    Returns the cells, and their permeabilities on the paths, see `CellSupply.k`.
+    """
+    steps = scene.steps
+    contact_paths = fluid.effective_pressures(paths)  # contact pressures (step, relief and path)
+    has_single_path = contact_paths.shape[1] == 1
+    if has_single_path and np.array_equal(contact_paths[:, 0], steps.pressures):
+        # all tiles have the contact pressure of the load steps, so that nothing is interpolated
+        cells = solve_cells_at_pressures(scene, cut, steps, mapper)
+        return cells, _on_single_path(cells.corrected_k)
+    tabulated_steps = choose_tabulated_pressures(contact_paths, steps, scene.law.is_elastic)
+    cells = solve_cells_at_pressures(scene, cut, tabulated_steps, mapper)
+    k_on_contact_paths = interpolate_along_paths(cells, contact_paths, steps)
+    return cells, fluid.select_matching_reliefs(k_on_contact_paths)
+
+
+def _on_single_path(k: Array) -> Array:
+    """Return permeabilities at the load steps (fluid pressures, 2, steps, m1, m2) in the form of `CellSupply.k`."""
+    return k.reshape(*k.shape[:3], 1, -1)

@@ -40,7 +40,7 @@ class FaceState:
         Part of the nominal pressure that the fluid carries.
     permeability : float, m³
         Permeability of the surface along x1, NaN if the flow solver failed.
-    solvers : SolveCounts
+    counts : SolveCounts
         Number of linear systems that each solver solved.
     flow_failure : str
         Reason why the flow solver failed; "" if the flow was solved.
@@ -61,7 +61,7 @@ class FaceState:
     residual: float
     carried: float
     permeability: float
-    solvers: SolveCounts
+    counts: SolveCounts
     flow_failure: str = ""
     edge_distance: float = np.nan
 
@@ -90,7 +90,7 @@ class FaceState:
             residual=contact.residual,
             carried=carried,
             permeability=solution.permeability,
-            solvers=getattr(solution, "solvers", SolveCounts()),
+            counts=getattr(solution, "counts", SolveCounts()),
             flow_failure=getattr(solution, "reason", ""),
             edge_distance=coating_edge_distance(contact),
         )

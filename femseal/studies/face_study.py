@@ -126,7 +126,7 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
             for step, state in steps_and_states
             if state.flow_failure
         ),
-        face_solvers=SolveCounts.total(state.solvers for state in states),
+        face_solvers=SolveCounts.total(state.counts for state in states),
     )
 
 

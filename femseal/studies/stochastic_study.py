@@ -22,7 +22,7 @@ from ..face.cell_flow import Failed, SolveCounts
 from ..face.cells import MOST_FACTOR, MOST_RATIO
 from ..scene import Scene
 from ..seal.tiles import SealTiles
-from .cell_supply import CellSupply, mean_relief, supply_cells
+from .cell_supply import CellSupply, supply_cells
 from .face_result import fields_of_rows
 from .median_seal import solve_median_seal
 from .patch_interval import interval_widths
@@ -272,7 +272,7 @@ def _result_warnings(
             cells.surface_leakage,
             cells.cells_leakage,
             MOST_FACTOR,
-            relief=mean_relief(scene),
+            contact_pressures=supply.contact_pressures,
         )
     return (*warnings, *limits)
 
