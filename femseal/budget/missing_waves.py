@@ -57,7 +57,6 @@ def filter_part(
     in_contact: Array,
     filtered: CoarserSolution,
     slope_ratio: float,
-    name: str = "filter",
 ) -> ErrorPart:
     """Estimate the error that the filter causes, from the slope of the removed waves and a solution with fewer waves.
 
@@ -73,7 +72,6 @@ def filter_part(
     in_contact : contact fraction, array (steps,).
     filtered : solution in which the shortest octave of the remaining waves is removed as well.
     slope_ratio : rms slope of the surface, divided by its rms slope before the waves were removed.
-    name : name of the error source.
     """
     steps = scene.steps
     change = filtered.change(leakage)
@@ -96,7 +94,7 @@ def filter_part(
         "contact fraction, and from the change of ln(leakage) without the shortest octave of the remaining waves"
     )
     return part_of_changes(
-        name, steps, leakage, below, distance, note, change=change, coarse=filtered
+        "filter", steps, leakage, below, distance, note, change=change, coarse=filtered
     )
 
 

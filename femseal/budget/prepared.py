@@ -11,7 +11,7 @@ from typing import Any
 
 from ..base import Array, Mapper, Shape
 from ..checks import FormEffect, QuickEstimate, estimate_scene, solve_form_effect
-from ..face.cells import Cut
+from ..face.cut import Cut
 from ..seal.tiles import SealTiles
 from ..studies import Sampling, Scene, Study, StudyCost, StudyOptions, cut_and_cover, studies_named
 from ..studies.patch_state import open_leakage_per_permeability

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from math import prod
 
 from ..base import InputError, Shape, free_memory, to_text
-from ..face.cells import Cut, usual_cells
+from ..face.cut import Cut, usual_cells
 from ..seal.covering import MOST_ROWS
 from ..seal.layouts import AnnularLayout, Layout
 from ..studies import Sampling

@@ -13,7 +13,7 @@ import numpy as np
 from ..base import InputError, Shape, to_text
 from ..case.case import Case, CellsTable
 from ..case.faces import Face, FileFace
-from ..face.cells import Cut
+from ..face.cut import Cut
 from ..topography import (
     Conditioning,
     Continuation,

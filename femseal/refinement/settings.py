@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from ..base import Shape, as_text, to_text, validate
 from ..budget.prepared import Prepared
 from ..case.case import Case
-from ..face.cells import FEWEST_POINTS
+from ..face.cut import FEWEST_POINTS
 from ..preparation.memory import refuse_impossible_sizes
 from ..studies import StudyCost
 

@@ -17,7 +17,7 @@ from ..base.leak_rates import LeakBasis, leak_classes
 from ..base.leak_units import leak_unit
 from ..base.machine import machine, peak_memory
 from ..budget import VAGUE, ErrorBudget, vague_steps
-from ..face.cells import Cut
+from ..face.cut import Cut
 from ..fluids import leak_basis
 from ..seal.layouts import Layout, RectangularLayout
 from ..studies import (

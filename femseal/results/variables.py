@@ -36,7 +36,7 @@ from ..base.leak_units import LEAK_UNITS
 from ..base.machine import one_at_a_time
 from ..base.quantities import with_its_unit
 from ..budget import ErrorBudget
-from ..face.cells import Cut
+from ..face.cut import Cut
 from ..fluids import FLUIDS, Fluid, leak_basis
 from ..loads import LoadStep
 from ..scene import FluidState

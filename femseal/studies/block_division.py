@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import ceil
 
 from ..base import InputError, Shape
-from ..face.cells import FEWEST_POINTS
+from ..face.cut import FEWEST_POINTS
 from ..scene import Scene
 from ..topography import Patches
 

@@ -26,7 +26,7 @@ from ..base.fields import CELL, STEP, declared
 from ..checks import QuickEstimate, estimate_scene, result_warnings
 from ..contact import HalfSpace
 from ..face.cell_flow import Failed, SolveCounts
-from ..face.cells import Cut
+from ..face.cut import Cut
 from ..loads import LoadProgramme
 from ..scene import Scene
 from ..seal.tiles import face_tiles

@@ -23,7 +23,8 @@ from ..face.cell_flow import (
     permeability_along_x2,
     solve_surface_flow,
 )
-from ..face.cells import CellState, Cut, correction_factors
+from ..face.cells import CellState, correction_factors
+from ..face.cut import Cut
 from ..face.flow_concentration import blocks_of_one_wave, participation_number
 from ..loads import LoadProgramme
 from ..scene import Scene

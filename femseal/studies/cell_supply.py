@@ -9,8 +9,8 @@ import numpy as np
 
 from ..base import Array, Indices, Mapper
 from ..face.cell_flow import attempt
-from ..face.cells import Cut
 from ..face.curves import CellCurves
+from ..face.cut import Cut
 from ..flow.permeability_table import tabulate
 from ..scene import Scene
 from ..seal.layouts import RectangularLayout

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..base import Array, Pair
 from ..face.cell_flow import Failed, attempt
-from ..face.cells import Cut
+from ..face.cut import Cut
 from ..flow.permeability_table import tabulate
 from ..scene import Scene
 from ..seal.leakage import Leakage

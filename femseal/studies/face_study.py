@@ -12,7 +12,8 @@ from ..base import Mapper, Shape, Stage
 from ..base.machine import give_back, one_at_a_time, shared_empty
 from ..checks import estimate_scene, result_warnings
 from ..face.cell_flow import FlowSettings, SolveCounts, drop_fractions
-from ..face.cells import CellState, Cut
+from ..face.cells import CellState
+from ..face.cut import Cut
 from ..face.flow_concentration import blocks_of_one_wave, participation_number
 from ..scene import Scene
 from ..topography import Patches

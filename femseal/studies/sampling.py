@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import KW_ONLY, dataclass, field, replace
 
 from ..base import InputError, Shape, validate
-from ..face.cells import Cut, usual_cells
+from ..face.cut import Cut, usual_cells
 from ..scene import Scene
 from ..seal.form import SealForm
 from ..seal.layouts import Layout

@@ -32,7 +32,7 @@ import numpy as np
 
 from ..base import Array, InputError, Mapper, to_text
 from ..contact import HalfSpace
-from ..face.cells import Cut
+from ..face.cut import Cut
 from ..flow.law import cubic_law
 from ..scene import Scene
 from ..seal.contact_grid import ContactGrid

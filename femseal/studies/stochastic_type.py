@@ -117,14 +117,14 @@ class StochasticStudy(Study):
     def usual_cells(
         self, patch: Topography, points: Shape, shortest_wave: float, in_order: bool
     ) -> Shape:
-        """Choose the cells as the study itself does, see `face.cells.usual_cells`."""
-        from ..face.cells import usual_cells
+        """Choose the cells as the study itself does, see `face.cut.usual_cells`."""
+        from ..face.cut import usual_cells
 
         return usual_cells(patch, in_order=in_order)
 
     def least_points(self, cells: Shape) -> Shape:
         """Return the numbers of points with which each cell has the smallest permitted number of points."""
-        from ..face.cells import FEWEST_POINTS
+        from ..face.cut import FEWEST_POINTS
 
         return FEWEST_POINTS * cells[0], FEWEST_POINTS * cells[1]
 

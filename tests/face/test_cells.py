@@ -8,14 +8,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal.base import InputError
 from femseal.face.cell_flow import FlowSettings, cell_permeabilities
-from femseal.face.cells import (
-    FEWEST_POINTS,
-    MOST_FACTOR,
-    CellState,
-    Cut,
-    correction_factors,
-    usual_cells,
-)
+from femseal.face.cells import MOST_FACTOR, CellState, correction_factors
+from femseal.face.cut import FEWEST_POINTS, Cut, usual_cells
 from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme
 from femseal.topography import Patches, Topography, self_affine

@@ -6,7 +6,8 @@ from numpy.testing import assert_allclose
 from scipy.ndimage import gaussian_filter
 
 from femseal.face.cell_flow import FlowSettings, cell_permeabilities
-from femseal.face.cells import CellState, Cut
+from femseal.face.cells import CellState
+from femseal.face.cut import Cut
 from femseal.flow import cell_permeability
 from femseal.flow.law import cubic_law
 

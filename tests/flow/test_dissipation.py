@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from femseal import analytic
 from femseal.base import InputError
-from femseal.face.cells import Cut
+from femseal.face.cut import Cut
 from femseal.flow import cell_permeability
 from femseal.flow.dissipation import pixel_dissipation
 from femseal.gases import IdealGas

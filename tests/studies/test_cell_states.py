@@ -10,8 +10,9 @@ from small_cases import steel_scene
 
 from femseal.base import NotConverged
 from femseal.face import cells as face_cells
-from femseal.face.cells import CellState, Cut
+from femseal.face.cells import CellState
 from femseal.face.curves import local_peaks
+from femseal.face.cut import Cut
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal.tiles import face_tiles
 from femseal.studies import deterministic, tabulated_pressures, two_scale

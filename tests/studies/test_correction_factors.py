@@ -11,7 +11,7 @@ from small_cases import E, steel_scene
 
 from femseal.contact import solve_contact
 from femseal.face.cell_flow import permeability_along_x2
-from femseal.face.cells import Cut
+from femseal.face.cut import Cut
 from femseal.flow import cell_permeability
 from femseal.loads import LoadProgramme, LoadStep
 from femseal.seal import AnnularLayout, MeshLayout, RectangularLayout

@@ -15,7 +15,7 @@ import femseal as fs
 from femseal import analytic
 from femseal.case import parse_case
 from femseal.contact import HalfSpace
-from femseal.face.cells import Cut
+from femseal.face.cut import Cut
 from femseal.preparation import prepare
 from femseal.seal import AnnularLayout, MeasuredForm, MeshLayout, WavyForm
 from femseal.studies import cut_and_cover

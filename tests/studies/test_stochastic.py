@@ -11,7 +11,7 @@ from small_cases import OIL, E, H, steel_scene
 from femseal.base import InputError
 from femseal.contact import LinearHardening
 from femseal.execution.run import ordered_map
-from femseal.face.cells import Cut
+from femseal.face.cut import Cut
 from femseal.fluids import Liquid
 from femseal.gases import IdealGas
 from femseal.loads import LoadProgramme, LoadStep
