@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from .lazy_package import lazy
 
 if TYPE_CHECKING:
+    from .display import Labelled, Plotted, Shown, labelled
     from .errors import (
         FemsealError,
         FileError,
@@ -19,20 +20,8 @@ if TYPE_CHECKING:
     from .machine import free_memory, numerical_versions, versions
     from .quantities import as_text, counted, to_si, to_text
     from .stage import Mapper, Stage
-    from .text import (
-        Labelled,
-        Plotted,
-        Shown,
-        TextTable,
-        comma_separated,
-        duration,
-        finite_data,
-        flatten,
-        format_deviation,
-        labelled,
-        number_text,
-        rows_of,
-    )
+    from .text import duration, finite_data, format_deviation, number_text
+    from .text_table import TextTable, comma_separated, flatten, rows_of
     from .validate import (
         AnyPath,
         Array,

@@ -32,8 +32,8 @@ from ..case.case import Case
 from ..plots.drawing import LEGEND_LINE, LINES, LOADS, Sheet, add_grid, legend_below, shows
 from ..plots.leakage_panels import LeakageCurves, leakage_panel
 from ..plots.style import GREY, STYLES, write_figure
+from ..results.leakage_format import format_leakage
 from ..results.load_steps import AS_PRESSURES, LoadFormat, branch_text, pressures_and_peaks
-from ..results.tables import format_leakage
 from .leak_test import BELOW_LIMIT, LeakTest
 from .posterior import PROBABILITY, QUANTITY_UNITS, Estimate, Posterior
 

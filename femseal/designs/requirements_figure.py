@@ -13,9 +13,9 @@ from ..base.leak_units import LeakUnit
 from ..plots.drawing import LEGEND_LINE, LOADS, Sheet, label_decades, legend_below
 from ..plots.leakage_panels import LeakageCurves, leakage_panel, limit_lines, limits_width
 from ..plots.style import GREY, branch_styles
+from ..results.leakage_format import kind_of
 from ..results.load_steps import LoadFormat, pressures_and_peaks
 from ..results.needed_pressure import LoadText
-from ..results.tables import kind_of
 from .requirements import ENDS, Requirement, Seals
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ import numpy as np
 from ..base import Array, InputError
 from ..base.leak_units import leakage_unit
 from ..results.best_leakage import solved_studies
+from ..results.leakage_format import class_unit, kind_of, leakage_of
 from ..results.load_steps import AS_PRESSURES, load_format, pressures_and_peaks
 from ..results.needed_pressure import LeakageCurve
 from ..results.results import Results
-from ..results.tables import class_unit, kind_of, leakage_of
 from ..results.verdict import deciding_fluid
 from ..studies import StochasticResult, SurfaceResult
 from .drawing import LEGEND_LINE, LOADS, Sheet, figure_of, legend_below, shows

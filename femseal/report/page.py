@@ -27,10 +27,11 @@ from ..base import (
 )
 from ..plots.maps import default_step
 from ..plots.pressure_lines import surface_leakage
+from ..results.attempts import as_chosen, attempts_table
 from ..results.dataset_file import FILE_NAME, inconsistent, open_results
 from ..results.load_steps import load_names
 from ..results.results import Results
-from ..results.tables import as_chosen, attempts_table, leakage_table, totals_table
+from ..results.tables import leakage_table, totals_table
 from ..results.verdict_paragraphs import verdict_paragraphs
 from . import report_tables
 from .pictures import draw_all

@@ -16,10 +16,10 @@ import numpy as np
 from ..base import Array, TextTable, format_deviation, read_plain
 from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..loads import first_known, least_counted
+from ..results.leakage_format import class_unit, format_interval, format_leakage
 from ..results.load_steps import load_names
 from ..results.needed_pressure import LeakageCurve
 from ..results.results import Results
-from ..results.tables import class_unit, format_interval, format_leakage
 from ..results.verdict import deciding_fluid
 from ..results.verdict_text import verdict_table
 

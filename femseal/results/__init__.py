@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
+    from .attempts import attempts_table
     from .dataset import RunFacts, assemble
     from .dataset_file import open_results, save
     from .pixel_fields import export_field, read_pixels, stored_steps
     from .results import Results
     from .run_comparison import RunComparison, compare
     from .sealing_index import sealing_indices
-    from .tables import attempts_table, leakage_table, rows, summary_html, summary_text
+    from .tables import leakage_table, rows, summary_html, summary_text
     from .verdict import verdicts_of
     from .verdict_paragraphs import verdict_lines
     from .verdict_text import verdict_sentences, verdict_table

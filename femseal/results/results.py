@@ -23,9 +23,9 @@ from ..base import (
     to_si,
     to_text,
 )
+from ..base.display import display_package
 from ..base.leak_rates import LeakBasis
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
-from ..base.text import display_package
 from ..budget import ErrorBudget
 from ..loads import LoadProgramme
 from ..studies import FaceResult, Scene, StochasticResult, Study, StudyResult

@@ -24,15 +24,16 @@ from ..base import (
     shown,
     write_text,
 )
+from ..base.display import display_package
 from ..base.fields import with_unit
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
-from ..base.text import display_package
 from ..loads import LoadStep
 from .class_loads import class_columns, common_load_text
 from .dataset_file import open_results
+from .leakage_format import format_interval, kind_of
 from .ranking import Ranking
 from .results import Results
-from .tables import format_interval, kind_of, leakage_texts
+from .tables import leakage_texts
 
 if TYPE_CHECKING:
     import xarray

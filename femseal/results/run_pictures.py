@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..base import AnyPath, InputError
-from ..base.text import display_package
+from ..base.display import display_package
 from ..studies.study_list import TWO_SCALE
 
 

@@ -12,11 +12,12 @@ from math import inf, isfinite, log, log1p, nan
 from ..base import format_deviation, to_text
 from ..base.leak_rates import leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit
+from .attempts import half_width_text
+from .leakage_format import format_interval, format_leakage, format_upper_end
 from .load_steps import load_format
 from .measures import HEIGHTS, LOAD_INCREASE, best_narrowing, lowering
 from .needed_pressure import LeakageCurve, falling_steps
 from .results import Results
-from .tables import format_interval, format_leakage, format_upper_end, half_width_text
 from .verdict import Verdict, deciding_fluid, verdicts_of, why_unknown
 from .verdict_text import limit_texts, required_loads, verdict_sentences
 

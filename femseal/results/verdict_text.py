@@ -8,10 +8,10 @@ from math import inf
 from ..base import TextTable
 from ..base.leak_rates import leak_classes
 from ..base.leak_units import LEAK_UNITS
+from .leakage_format import format_leakage
 from .load_steps import load_format
 from .needed_pressure import LoadText, NeededPressure
 from .results import Results
-from .tables import format_leakage
 from .verdict import WHOLE_INTERVAL, Verdict
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base import Array, InputError, Pair, Periodic, Plotted, Shape, counted, to_text
-from ..base.text import TextTable
+from ..base.text_table import TextTable
 from .defects import SPIKES
 from .form_fit import fit_form
 from .topography import Topography, facts_of

@@ -18,8 +18,8 @@ from small_cases import steel_scene
 
 import femseal as fs
 from femseal.base import InputError, Shown
+from femseal.base.display import value_text
 from femseal.base.leak_units import leakage_unit
-from femseal.base.text import value_text
 from femseal.plots.leakage_panels import (
     LeakageCurves,
     leakage_line,

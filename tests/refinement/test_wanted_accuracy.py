@@ -19,7 +19,7 @@ from femseal.refinement.settings import (
     first_version,
     last_version,
 )
-from femseal.results.tables import attempt_sentences
+from femseal.results.attempts import attempt_sentences
 from femseal.runs.run_description import describe
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

@@ -26,7 +26,8 @@ from femseal.budget import ErrorBudget, ErrorPart
 from femseal.plots import cells_figure, leakage_figure, seal_figure
 from femseal.report import write_folder
 from femseal.results import RunFacts, assemble, open_results, save
-from femseal.results.tables import format_leakage, totals_table
+from femseal.results.leakage_format import format_leakage
+from femseal.results.tables import totals_table
 from femseal.studies import FaceResult, Sampling, deterministic, stochastic, two_scale
 from femseal.studies.cell_states import FaceCells
 

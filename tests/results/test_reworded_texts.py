@@ -12,11 +12,11 @@ from small_cases import steel_scene
 import femseal as fs
 from femseal.plots.realisations import _axis_names
 from femseal.results import RunFacts, assemble
+from femseal.results.attempts import attempt_sentences
 from femseal.results.best_leakage import error_budgets
 from femseal.results.class_loads import common_load_text
 from femseal.results.dataset_file import _with_all_attributes, save
 from femseal.results.load_steps import LoadFormat, given_loads, load_format
-from femseal.results.tables import attempt_sentences
 from femseal.seal.layouts import AnnularLayout, RectangularLayout
 from femseal.studies import STUDIES
 
