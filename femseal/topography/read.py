@@ -1,9 +1,6 @@
 """Read measured height maps from files of any kind; refuse maps whose unit or pixel size is unknown or implausible.
 
-A mask of undefined points may be given in a separate file: an image, a text or an array with numbers other than 0 at
-undefined points. The mask must have the same orientation as the heights in their file. In an image and in a text, the
-points of a line lie along the x axis of the file, and the first line of the file has the index 0 along y. NumPy arrays
-are not transposed.
+A mask of undefined points may be given in a separate file, see `masks`.
 """
 
 from __future__ import annotations
@@ -24,31 +21,23 @@ from ..base import (
     Flags,
     InputError,
     Pair,
-    Shape,
     as_text,
     to_si,
     to_text,
     validate,
 )
 from .coordinates import profile_error
-from .formats import READERS, read_file, reading
+from .formats import read_file, reading
 from .instrument_limits import Instrument
-from .instruments import unprinted
+from .masks import read_mask
 from .no_data import mark_undefined_points
+from .plausible_units import implausible_values
 from .raw import Raw, Reading, bad_file
 from .text_files import TEXT, is_text
 from .topography import Topography
 
 log = logging.getLogger("femseal.topography")
 
-#: Smallest and largest plausible side of a measured map [m].
-_SIZE_LIMITS = (1e-9, 1.0)
-#: Largest plausible rms height of a map [m].
-_RMS_HEIGHT_LIMIT = 10e-3
-#: Largest plausible median of the slope between neighbouring points.
-_SLOPE_LIMIT = 10.0
-#: About this many rows of a map are examined for plausibility.
-_ROWS = 256
 #: Pixel size [m] that replaces an unknown pixel size if a map is only inspected.
 _ANY_PIXEL = (1e-6, 1e-6)
 #: Largest relative difference of units and pixel sizes that count as equal.
@@ -227,7 +216,7 @@ def read_for_a_look(path: str | os.PathLike[str], **options: Any) -> Look:
     except InputError as error:
         raise FileError(path, f"{path}: {error.what}", error.given, error.expected) from None
     if not errors:
-        errors = [*_implausible(path, topography, given)]
+        errors = [*implausible_values(path, topography, given)]
     if given.crop is not None:
         topography = topography.crop_to(given.crop)
     is_known = pixel is not None, height_unit is not None
@@ -362,112 +351,3 @@ def _unknown_unit(path: Path, unclear: str) -> InputError:
     if unclear:
         given += f" that can be read ({unclear})"
     return bad_file(path, given, "height_unit= such as 'um' (--height-unit)")
-
-
-def _implausible(path: Path, topography: Topography, given: Reading) -> Iterator[InputError]:
-    """Yield an error for each implausible value: size, rms height or slope.
-
-    Such values are usually due to a wrong unit.
-
-    Units given by the caller are not checked. The slope is checked only if the size and the rms height of the map are
-    plausible.
-    """
-    is_size_given = given.size is not None or given.spacing is not None
-    is_unit_given = given.height_unit is not None
-    advice = "if it is right, or to correct it, pass"
-    is_plausible = True
-    shortest, longest = _SIZE_LIMITS
-    if not is_size_given and not all(shortest <= side <= longest for side in topography.size):
-        expected = f"1 nm to 1 m; {advice} size= (--size)"
-        yield bad_file(path, f"a size of {as_text(topography.size, 'm')}", expected)
-        is_plausible = False
-    deviation = _sampled_deviation(topography)
-    if not is_unit_given and deviation > _RMS_HEIGHT_LIMIT:
-        expected = f"at most 10 mm; {advice} height_unit= such as 'um' (--height-unit)"
-        yield bad_file(path, f"Sq = {to_text(deviation, 'm')}", expected)
-        is_plausible = False
-    if not is_plausible or (is_size_given and is_unit_given):
-        return
-    slope = _median_slope(topography)
-    if slope > _SLOPE_LIMIT:
-        expected = f"at most 10; {advice} size= and height_unit= (--size, --height-unit)"
-        yield bad_file(path, f"a slope of {slope:.3g} on half of its points", expected)
-
-
-def _sampled_deviation(topography: Topography) -> float:
-    """Return the standard deviation of the heights in a sample of rows [m]."""
-    z = topography.heights[:: max(1, topography.shape[0] // _ROWS)]
-    defined = z[~np.isnan(z)]
-    with np.errstate(over="ignore"):
-        return float(defined.std()) if defined.size else 0.0
-
-
-def _median_slope(topography: Topography) -> float:
-    """Return the median slope between neighbouring points in a sample of lines, along x1 or x2, whichever is larger.
-
-    The median is not affected by spikes and undefined points.
-    """
-    medians = [0.0]
-    heights = topography.heights
-    # in each of these views, the lines along one axis are the rows
-    for z, spacing in zip((heights.T, heights), topography.spacing, strict=True):
-        lines = z[:: max(1, len(z) // _ROWS)]
-        slopes = np.abs(np.diff(lines, axis=1)) / spacing
-        defined = slopes[~np.isnan(slopes)]
-        if defined.size:
-            medians.append(float(np.median(defined)))
-    return max(medians)
-
-
-#: Suffixes of lossless image formats, and of arrays, that a mask may have.
-_IMAGES = (".png", ".tif", ".tiff", ".bmp", ".gif")
-_ARRAYS = (".npy", *TEXT)
-
-
-def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
-    """Read a mask of undefined points from a file. Points with a number other than 0 are undefined.
-
-    Parameters
-    ----------
-    path : path
-        An image (.png, .tif, .bmp or .gif) or numbers (.npy, .csv, .asc or .txt). In an image, black points have the
-        value 0, and transparency is ignored.
-    shape : tuple of two int
-        Number of points of the heights in their file along x and y.
-
-    Returns
-    -------
-    array of bool, (n1, n2)
-        Whether each point is undefined.
-
-    Raises
-    ------
-    InputError
-        The file does not exist, cannot be read, or has another number of points.
-    """
-    path = Path(path)
-    suffix = path.suffix.lower()
-    if not path.is_file():
-        raise InputError("mask", f"'{path}', no such file", "a file")
-    if suffix not in (*_IMAGES, *_ARRAYS):
-        raise InputError("mask", f"'{path.name}'", f"a file {', '.join((*_IMAGES, *_ARRAYS))}")
-    reader = _read_image if suffix in _IMAGES else READERS[suffix]
-    with reading(path):
-        values = reader(path, Reading()).heights
-    if values.shape != shape:
-        hint = "; turned by its diagonal it would fit" if values.shape == shape[::-1] else ""
-        expected = f"{as_text(shape)}, as in the file of the heights, x first{hint}"
-        raise InputError("mask", f"{as_text(values.shape)} points in '{path.name}'", expected)
-    return values != 0
-
-
-def _read_image(path: Path, options: Reading) -> Raw:
-    """Read an image as an array of numbers, each the largest of a pixel's red, green and blue values."""
-    from PIL import Image
-
-    with unprinted(), Image.open(path) as image:
-        has_other_channels = image.mode in ("P", "PA", "LA", "RGBA", "CMYK")
-        # (y, x), or (y, x, colour)
-        pixels = np.asarray(image.convert("RGB") if has_other_channels else image)
-    brightest = pixels.max(axis=2) if pixels.ndim == 3 else pixels
-    return Raw(brightest.T)
