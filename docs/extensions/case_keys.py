@@ -4,7 +4,7 @@ import json
 import re
 from pathlib import Path
 
-from femseal.base.leak_rates import KNOWN
+from femseal.base.leak_classes import KNOWN
 from femseal.case.case import Case
 from femseal.case.schema import case_schema
 from femseal.case.template import (

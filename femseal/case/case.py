@@ -15,7 +15,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from ..base import InputError, shortened, to_text
-from ..base.leak_rates import LeakBasis, check_classes
+from ..base.leak_classes import check_classes
+from ..base.leak_rates import LeakBasis
 from ..contact import Bodies, ContactLaw, checked_modulus, softer_of
 from ..flow.problem import SOLVERS
 from ..fluids import leak_basis, potential_of

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, WithJsonSchema, model_validator
 
 from ..base import InputError
-from ..base.leak_rates import BUBBLE, DROP, KNOWN, leak_classes
+from ..base.leak_classes import KNOWN, leak_classes
+from ..base.leak_rates import BUBBLE, DROP
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..budget.sources import MODEL_PARTS
 from ..results.file_options import FIELDS_LIMIT, PARAVIEW_FORMATS, PICTURE_FORMATS

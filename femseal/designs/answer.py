@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base import AnyPath, InputError, counted, to_si, to_text, validate, versions
-from ..base.leak_rates import check_classes, leak_classes
+from ..base.leak_classes import check_classes, leak_classes
 from ..case.case import Case
 from ..case.quantity_types import Amount
 from ..case.reading import load_case

@@ -23,7 +23,7 @@ from ..base import (
     write_text,
     writing,
 )
-from ..base.leak_rates import leak_classes
+from ..base.leak_classes import leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..loads import relaxed
 from ..plots.drawing import shows

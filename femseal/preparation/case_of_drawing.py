@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import scipy.fft
 
 from ..base import number_text, to_text
-from ..base.leak_rates import leak_classes
+from ..base.leak_classes import leak_classes
 from ..base.leak_units import LEAK_UNITS
 from ..case.case import Case
 from ..case.reading import parse_case

@@ -13,7 +13,8 @@ import xarray
 
 from ..base import InputError, counted, versions
 from ..base.fields import CELL, FACE, STEP, Field, fields_of
-from ..base.leak_rates import LeakBasis, leak_classes
+from ..base.leak_classes import leak_classes
+from ..base.leak_rates import LeakBasis
 from ..base.leak_units import leak_unit
 from ..base.machine import machine, peak_memory
 from ..budget import VAGUE, ErrorBudget, vague_steps

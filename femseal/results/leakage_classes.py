@@ -13,7 +13,7 @@ import numpy as np
 
 from ..base import Array, to_text
 from ..base.fields import LEAK_CLASS
-from ..base.leak_rates import USUAL_CLASSES, LeakClass, leak_classes, within
+from ..base.leak_classes import USUAL_CLASSES, LeakClass, leak_classes, within
 from .best_leakage import (
     best_budget,
     class_basis_of,

@@ -19,7 +19,7 @@ from math import inf
 import numpy as np
 
 from ..base import Array, Indices, reals
-from ..base.leak_rates import within
+from ..base.leak_classes import within
 from ..budget.error_parts import within_others
 from ..loads import LoadProgramme, LoadStep, relaxed
 from .results import Results

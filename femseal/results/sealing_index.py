@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Indices, InputError, Pair, to_si, validate
-from ..base.leak_rates import leak_classes
+from ..base.leak_classes import leak_classes
 from ..seal.layouts import AnnularLayout, MeshLayout
 from .class_fluid import class_fluid
 from .leakage_classes import class_limits

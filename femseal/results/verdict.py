@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.leak_rates import leak_classes, within
+from ..base.leak_classes import leak_classes, within
 from .load_steps import load_names
 from .measures import narrowed_by
 from .needed_pressure import LeakageCurve, NeededPressure

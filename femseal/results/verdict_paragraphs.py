@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from math import inf, isfinite, log, log1p, nan
 
 from ..base import format_deviation, to_text
-from ..base.leak_rates import leak_classes
+from ..base.leak_classes import leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit
 from .attempts import half_width_text
 from .leakage_format import format_interval, format_leakage, format_upper_end

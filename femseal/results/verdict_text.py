@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from math import inf
 
 from ..base import TextTable
-from ..base.leak_rates import leak_classes
+from ..base.leak_classes import leak_classes
 from ..base.leak_units import LEAK_UNITS
 from .leakage_format import format_leakage
 from .load_steps import load_format

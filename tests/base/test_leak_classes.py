@@ -9,7 +9,7 @@ from small_cases import STRIP, steel_scene
 
 import femseal as fs
 from femseal.base import InputError
-from femseal.base.leak_rates import LEAK_CLASSES, leak_classes, within
+from femseal.base.leak_classes import LEAK_CLASSES, leak_classes, within
 from femseal.base.leak_units import LEAK_UNITS
 from femseal.case import parse_case
 from femseal.fluids import leak_basis
