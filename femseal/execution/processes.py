@@ -58,7 +58,7 @@ def over_processes(count: int) -> Iterator[Mapper]:
         with sharing(), TemporaryDirectory(prefix="femseal-", ignore_cleanup_errors=True) as folder:
             yield partial(_map, count, folder)
     except BaseException:
-        end_processes(kill=True)
+        kill_processes()
         raise
 
 
@@ -81,7 +81,7 @@ def _map(count: int, folder: str, stage: Stage, *iterables: Iterable[Any]) -> It
         pickle.dump(stage, file, protocol=5)
     limits = _stage_limits(stage, count, len(first_items))
     results = None
-    _has_processes.set()  # from here on, `end_processes` has processes to end
+    _has_processes.set()  # from here on, `kill_processes` has processes to kill
     try:
         with joblib.parallel_config("loky", inner_max_num_threads=1), starting_processes():
             # max_nbytes=None sends large arrays through pipes, because files would remain if the run is killed
@@ -167,13 +167,10 @@ def starting_processes() -> Iterator[None]:
             signal.pthread_sigmask(signal.SIG_SETMASK, previous_mask)
 
 
-def end_processes(kill: bool = False) -> None:
-    """End the worker processes; worker processes that do not end within `END_SECONDS` are killed.
+def kill_processes() -> None:
+    """Kill the worker processes, without waiting for the items that they compute.
 
-    Without this function, joblib would wait indefinitely for all worker processes when this process ends. A
-    hanging worker process would therefore prevent this process from ending.
-
-    kill : whether to kill all worker processes at once.
+    joblib kills the worker processes. If it does not return within `END_SECONDS`, they are killed one by one.
     """
     from joblib.externals.loky import get_reusable_executor
 
@@ -182,8 +179,7 @@ def end_processes(kill: bool = False) -> None:
     _has_processes.clear()
     workers = _worker_processes()
     executor = get_reusable_executor(reuse=True)
-    calls: Any = getattr(executor, "_call_queue", None)
-    ending = threading.Thread(target=executor.shutdown, kwargs={"kill_workers": kill}, daemon=True)
+    ending = threading.Thread(target=executor.shutdown, kwargs={"kill_workers": True}, daemon=True)
     ending.start()
     ending.join(END_SECONDS)
     if not ending.is_alive():
@@ -192,9 +188,6 @@ def end_processes(kill: bool = False) -> None:
     for worker in workers:
         with suppress(psutil.Error):
             worker.kill()
-    with suppress(OSError, AttributeError):
-        # joblib would wait for calls that no process takes any more, and has no public function to stop this
-        calls._reader.close()
     ending.join(END_SECONDS)
 
 

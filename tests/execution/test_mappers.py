@@ -1,5 +1,6 @@
 """Maps over processes and clusters: order, threads, small items sent together, workers that die or come late."""
 
+import ast
 import os
 import pickle
 import re
@@ -418,3 +419,17 @@ def test_idle_processes_leave_their_cores_to_the_others():
         large = list(mapper(Stage("large states", _threads, memory=1e15), [1, 2, 3]))
     assert (alone, many, large) == ([2], [1, 1, 1], [2, 2, 2])
     assert compiled.thread_count() == 1
+
+
+def test_no_private_attributes_of_other_packages_are_used():
+    """joblib and threading change them without notice; `os._exit` is public in spite of its name."""
+    own = ("self", "cls", "os")
+    private = [
+        f"{path.name}: {ast.unparse(node)}"
+        for path in Path(processes.__file__).parent.glob("*.py")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Attribute)
+        and node.attr.startswith("_")
+        and ast.unparse(node.value) not in own
+    ]
+    assert private == []
