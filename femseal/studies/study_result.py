@@ -111,8 +111,8 @@ class SurfaceResult(Shown):
     """Base class of the results of studies that solve a surface, without realisations of a whole seal.
 
     A result is a frozen dataclass derived from this class. It defines the members of `StudyResult` that are missing
-    here: method, steps, leakage, cells, patches, patch_state, solvers, quick_estimate, failures and warnings. It
-    overrides those that it knows better.
+    here: method, steps, leakage, cells, patches, patch_state, quick_estimate, failures and warnings. It overrides those
+    that it knows better.
     """
 
     kind: ClassVar[str] = ""
@@ -145,6 +145,14 @@ class SurfaceResult(Shown):
     def surface_gap(self) -> Array:
         """Mean gap of the surface (steps,) [m]; NaN if unknown."""
         return np.full(len(self.steps), np.nan)
+
+    @property
+    def solvers(self) -> SolveCounts:
+        """Number of linear systems that each solver solved; by default none."""
+        # imported here, because a case is read without the solvers
+        from ..face.cell_flow import SolveCounts
+
+        return SolveCounts()
 
     def contact_fraction_at(self, steps: LoadProgramme) -> Array:
         """Return the fraction of the surface in contact at load steps of the result (steps,), NaN if unknown."""

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
-from ..base import Mapper, Shape
+from ..base import Mapper, Shape, counted
 
 if TYPE_CHECKING:
     from ..scene import Scene
@@ -130,7 +130,7 @@ class Study:
 
         A line with the name "" continues the line before it.
         """
-        yield self.name, f"{len(scene.steps)} load steps"
+        yield self.name, f"{counted(len(scene.steps), 'load step')}"
 
     # --- grid and cells -------------------------------------------------------------------------------------------
 
