@@ -33,13 +33,11 @@ class Directions(NamedTuple):
     """State of the conjugate gradients on one set of free points.
 
     total_ones : sum of all components of M1, the preconditioner M applied to a vector of ones.
-    previous_wr : product w·r of the previous direction; infinite if there is no previous direction.
-    unused_wr : product w·r of the next direction; None if the next direction has not been computed.
+    wr : product w·r of the next direction, which has been computed but not yet used.
     """
 
     total_ones: float
-    previous_wr: float = inf
-    unused_wr: float | None = None
+    wr: float
 
 
 class Gradients(NamedTuple):
@@ -86,28 +84,22 @@ def conjugate_gradients(
     Gradients
     """
     if directions is None:
-        directions = Directions(loops.restart(n_free, delta))
-    total_ones, previous_wr, wr = directions
-    first_wr = inf  # w·r of the first direction
+        total_ones = loops.restart(n_free, delta)
+        # without a previous direction, only the first direction is computed
+        *_no_step, first_wr = loops.step(n_near, n_free, inf, total_ones)
+    else:
+        total_ones, first_wr = directions
+    wr = first_wr
+    # if the residual on the free points is only a rounding error, only a change of the sets can help
+    most_steps = limits.steps if first_wr > _FLAT * delta**2 * total_ones else 0
     least_stiffness = inf
     steps = 0
-    while steps < limits.steps:
-        if wr is None:
-            wr = loops.next_direction(n_free, previous_wr, total_ones)
-        if steps == 0:
-            first_wr = wr
-            # if the residual on the free points is only a rounding error, only a change of the sets can help
-            if not first_wr > _FLAT * delta**2 * total_ones:
-                break
-        if not (wr > 0.0 and wr >= limits.drop * first_wr):
-            break
+    while steps < most_steps and wr > 0.0 and wr >= limits.drop * first_wr:
         loops.search()  # computes Kd
-        curvature, squared_length, is_made = loops.step(n_near, n_free, wr)
+        curvature, squared_length, is_made, wr = loops.step(n_near, n_free, wr, total_ones)
         steps += 1
-        previous_wr = wr if is_made else inf
-        wr = None
         if not is_made:
             break
         if curvature > 0.0:
             least_stiffness = min(least_stiffness, squared_length / curvature)
-    return Gradients(Directions(total_ones, previous_wr, wr), steps, least_stiffness)
+    return Gradients(Directions(total_ones, wr), steps, least_stiffness)

@@ -1,8 +1,8 @@
 """Compile the loops of conjugate gradients on the free points, with a 3 × 3 stencil as preconditioner M.
 
-`conjugate_gradients` calls `restart`, `next_direction` and `step`. Each of the three functions calls loops over the
-points `first` to `end` − 1 of a list. The groups of arrays `law`, `points`, `near`, `free`, `lists` (`GradientLists`)
-and `preconditioner` are described in `point_arrays`.
+`conjugate_gradients` calls `restart` and `step`. Both functions call loops over the points `first` to `end` − 1 of a
+list. The groups of arrays `law`, `points`, `near`, `free`, `lists` (`GradientLists`) and `preconditioner` are described
+in `point_arrays`.
 """
 
 import numpy as np
@@ -75,9 +75,7 @@ def next_direction(points, free, lists, preconditioner, n_free, previous_wr, tot
     """Compute the next search direction d = w + β d with β = w·r / previous_wr, and copy d to `dense`.
 
     The preconditioned residual w is M r minus a multiple of M1, chosen such that Σ w = 0 and the steps do not change
-    the load.
-
-    previous_wr : product w·r of the previous direction; infinite if there is no previous direction.
+    the load. The arguments are described in `step`.
 
     Returns w·r. If w·r is not positive, no direction is computed.
     """
@@ -114,23 +112,37 @@ def set_direction(first, end, beta, points, free, lists):
 
 
 @fast_leader
-def step(points, near, free, lists, compliance, n_near, n_free, wr):
-    """Perform a step of conjugate gradients: p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d).
+def step(
+    points, near, free, lists, preconditioner, compliance, n_near, n_free, wr, total_ones
+):  # fmt: skip
+    """Perform a step of conjugate gradients along the search direction d, and compute the next search direction.
+
+    The step is p += α d, v += α Kd and r −= α (Kd + a d), with α = w·r / d·(Kd + a d). It is only performed if
+    d·(Kd + a d) > 0. Otherwise, the next direction begins a new sequence of directions. A step and the next direction
+    are computed in a single call, because on small grids the calls of compiled functions take as long as the loops.
 
     compliance : factor 1/E* [1/Pa], by which `points.kd` is multiplied to obtain Kd.
-    wr : product w·r for this search direction d.
+    wr : product w·r of the search direction d; infinite if there is no direction yet, so that no step is performed.
+    total_ones : sum of M1 over the free points, see `restart`.
 
-    Returns d·Kd, d·d, and whether the step was performed. The step is only taken if d·(Kd + a d) > 0.
+    Returns d·Kd, d·d, whether the step was performed, and the product w·r of the next direction.
     """
-    list_response(n_near, compliance, points, near)
-    curvature, squared_length, total_curvature = curvatures(n_free, near, free, lists)
-    total = 0.0
-    if total_curvature > 0.0:
-        alpha = wr / total_curvature
-        total = advance(n_free, alpha, near, free, lists)
-        advance_gap(n_near, alpha, near)
-    spread_residual(n_free, total / n_free, points, free, lists)
-    return curvature, squared_length, total_curvature > 0.0
+    curvature = 0.0
+    squared_length = 0.0
+    total_curvature = 0.0
+    if wr < np.inf:
+        list_response(n_near, compliance, points, near)
+        curvature, squared_length, total_curvature = curvatures(n_free, near, free, lists)
+        total = 0.0
+        if total_curvature > 0.0:
+            alpha = wr / total_curvature
+            total = advance(n_free, alpha, near, free, lists)
+            advance_gap(n_near, alpha, near)
+        spread_residual(n_free, total / n_free, points, free, lists)
+    is_made = total_curvature > 0.0
+    previous_wr = wr if is_made else np.inf
+    next_wr = next_direction(points, free, lists, preconditioner, n_free, previous_wr, total_ones)
+    return curvature, squared_length, is_made, next_wr
 
 
 @fast_loop

@@ -41,7 +41,6 @@ _UNDIVIDED: dict[str, Any] = {
     "evaluate": projection.exact(projection.evaluate),
     "project": projection.exact(projection.project),
     "restart": projection.fast(gradient_steps.restart),
-    "next_direction": projection.fast(gradient_steps.next_direction),
     "step": projection.fast(gradient_steps.step),
 }
 #: Loops for large grids. Their parts are divided between threads.
@@ -51,7 +50,6 @@ _IN_PARTS: dict[str, Any] = {
     "evaluate": projection.evaluate,
     "project": projection.project,
     "restart": gradient_steps.restart,
-    "next_direction": gradient_steps.next_direction,
     "step": gradient_steps.step,
 }
 
@@ -253,8 +251,7 @@ class Workspace:
             evaluate=bind("evaluate", law, points, near, problem.load),
             project=bind("project", law, points, near, free, problem.load),
             restart=bind("restart", law, points, near, free, lists, self.preconditioner),
-            next_direction=bind("next_direction", points, free, lists, self.preconditioner),
-            step=bind("step", points, near, free, lists, self.compliance),
+            step=bind("step", points, near, free, lists, self.preconditioner, self.compliance),
         )
 
 
@@ -280,8 +277,7 @@ class Loops(NamedTuple):
     evaluate: Call  # n_near, c, delta
     project: Call  # n_near, n_free, c, delta, keep
     restart: Call  # n_free, delta
-    next_direction: Call  # n_free, previous_wr, total_ones
-    step: Call  # n_near, n_free, wr
+    step: Call  # n_near, n_free, wr, total_ones
 
 
 #: Examples of the remaining arguments of each loop, which tell their types.
@@ -291,8 +287,7 @@ _OTHER_ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "evaluate": (1, 1.0, 1.0),
     "project": (1, 1, 1.0, 1.0, True),
     "restart": (1, 1.0),
-    "next_direction": (1, 1.0, 1.0),
-    "step": (1, 1, 1.0),
+    "step": (1, 1, 1.0, 1.0),
 }
 
 
