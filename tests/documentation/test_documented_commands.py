@@ -125,6 +125,16 @@ SLOW = {
     "calibrate seal.toml leak_test.csv -o results/calibrated",
 }
 
+#: Warnings that are right for the small files, though not for the files of the pages: the gasket has large elements,
+#: and a soft face carries the loads of a hard one.
+WARNINGS = {
+    "run examples/gasket_seal.toml -o results/gasket": ("The leakage scatters too much",),
+    "sweep seal.toml seed=1,2 material.hardness=0.35GPa,0.8GPa -o results/hardness": (
+        "Most of the surface is plastic",
+        "The softer part may yield as a whole",
+    ),
+}
+
 
 def gasket():
     """The shipped case of a gasket with few pixels, loads and seals."""
@@ -195,7 +205,8 @@ def test_a_documented_command_does_its_work(form, femseal, place, finished):
                 shutil.copytree(finished, word)
         code, said, complaint = femseal(*arguments)
     assert code == 0, said + complaint
-    expected = (" INFO ", COMPILING)  # log lines, and the first compilation after an installation
+    # log lines, the first compilation after an installation, and warnings of a small file
+    expected = (" INFO ", COMPILING, *WARNINGS.get(form, ()))
     assert [line for line in complaint.splitlines() if not any(e in line for e in expected)] == []
     for output in outputs:
         assert (files := written(Path(output)))
