@@ -9,7 +9,7 @@ from scipy.sparse.linalg import LinearOperator, cg
 
 from ..base import Array, Flags, Singles
 from .solvers.hierarchy import levels_of_operator
-from .solvers.multigrid import cycle
+from .solvers.v_cycle import cycle
 
 #: The conjugate gradients stop at this relative residual, or after this number of iterations. The largest error is then
 #: about 1e-4 of the range of the defined values.

@@ -246,7 +246,7 @@ def test_levels_shared_by_threads_solve_as_the_compiled_whole(sides, monkeypatch
     """As those of large grids are: a small one is taken for large here."""
     links = cell_links(filtered_gap(160, 4, 0.1, 3), (1.0, 1.0), sides)
     whole = solve_links(*links, solver="multigrid", field_rtol=1e-6)
-    monkeypatch.setattr("femseal.flow.solvers.multigrid._THREADED_NODES", 300)
+    monkeypatch.setattr("femseal.flow.solvers.multigrid.THREADED_NODES", 300)
     monkeypatch.setattr("femseal.base.compiled._POINTS", 900)
     shared = solve_links(*links, solver="multigrid", field_rtol=1e-6)
     assert shared.iterations == whole.iterations

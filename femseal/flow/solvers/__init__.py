@@ -13,7 +13,11 @@
                     |                                                     |
           +---------+---------+                                 +---------+---------+
      multigrid.py       elimination.py                        amg.py            direct.py
-     hierarchy.py       (star-mesh)                           (pyamg)           (SuperLU)
+                        (star-mesh)                           (pyamg)           (SuperLU)
+
+**Files of multigrid.** `multigrid` contains the iteration, and `gradient_rows` its steps on the rows of the grid.
+`v_cycle` is the preconditioner. `hierarchy` builds the levels with the help of `interpolation` (from coarse to fine
+nodes), `clusters` (nodes that a coarser level hardly moves) and `coarsest` (elimination of the coarsest level).
 
 **What "auto" chooses.** The first line that applies decides. All numbers are in `thresholds`, except
 COARSEST_NODES, which is in `multigrid`.
