@@ -8,9 +8,15 @@ import numpy as np
 from scipy.sparse.linalg import LinearOperator, cg
 
 from ..base import Array, Flags, Singles
+from .grid import Stencil
+from .solvers.elimination import eliminate
 from .solvers.hierarchy import levels_of_operator
 from .solvers.v_cycle import cycle
 
+#: Largest fraction of undefined values for which Laplace's equation is solved by elimination. On filtered noise of
+#: 256 × 512 and 512² pixels, elimination takes 0.2 to 0.9 of the time of multigrid if a fifth of the values is
+#: undefined, and 1 to 6 times as long if two fifths are undefined, because the undefined areas grow together.
+_LARGEST_ELIMINATED = 0.25
 #: The conjugate gradients stop at this relative residual, or after this number of iterations. The largest error is then
 #: about 1e-4 of the range of the defined values.
 _RTOL, _MOST_ITERATIONS = 9e-6, 100
@@ -20,8 +26,9 @@ def harmonic_fill(values: Array) -> Array:
     """Fill the undefined (NaN) values of a map by solving Laplace's equation with the defined values prescribed.
 
     The map (n1, n2) is periodic along x2 and has zero normal derivatives at the first row and at the last row. A map
-    without any defined value is returned unchanged. Laplace's equation is discretised by a five-point stencil, and
-    solved in single precision by conjugate gradients. The preconditioner is one multigrid cycle.
+    without any defined value is returned unchanged. Laplace's equation is discretised by a five-point stencil. If few
+    values are undefined, it is solved by elimination. Otherwise, it is solved in single precision by conjugate
+    gradients, and the preconditioner is one multigrid cycle.
     """
     unknown = np.isnan(values)
     if unknown.all() or not unknown.any():
@@ -29,9 +36,29 @@ def harmonic_fill(values: Array) -> Array:
     lowest = np.nanmin(values)
     height = np.nanmax(values) - lowest or 1.0
     known = np.where(unknown, 0.0, (values - lowest) / height)
-    rhs = unknown * _sum_of_neighbours(known.astype(np.float32))
-    filled = _solve_laplace(unknown, rhs)
-    return np.where(unknown, lowest + height * np.clip(filled, 0.0, 1.0), values)
+    if unknown.mean() <= _LARGEST_ELIMINATED:
+        filled = _eliminate_unknown(unknown, known)
+    else:
+        rhs = unknown * _sum_of_neighbours(known.astype(np.float32))
+        filled = np.clip(_solve_laplace(unknown, rhs), 0.0, 1.0)
+    return np.where(unknown, lowest + height * filled, values)
+
+
+def _eliminate_unknown(unknown: Flags, known: Array) -> Array:
+    """Solve Laplace's equation at the unknown pixels by elimination.
+
+    known : array (n1, n2), values between 0 and 1 at all other pixels.
+    """
+    n1, n2 = known.shape
+    # a network has an inlet before the first row and an outlet after the last row; here they have no links to the map
+    along = np.ones((n1 + 1, n2))
+    along[0] = 0.0
+    along[-1] = 0.0
+    network = Stencil(along, np.ones((n1, n2)), ring2=True)
+    potential = np.zeros((n1 + 2, n2))
+    potential[1:-1] = known
+    eliminate(network, unknown, potential, 1 - potential)
+    return potential[1:-1]
 
 
 def _solve_laplace(unknown: Flags, rhs: Singles) -> Singles:

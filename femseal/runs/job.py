@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
@@ -135,7 +136,12 @@ def run(
             refuse_too_large(case, prepared)
         studies_use_mirrors = any(study.uses_mirrors for study in prepared.studies)
         has_mirrors = "mirror" in prepared.scene.boundary or studies_use_mirrors
-        compile_first = partial(compile_ahead, progress=progress, has_mirrors=has_mirrors)
+        compile_first = partial(
+            compile_ahead,
+            progress=progress,
+            has_mirrors=has_mirrors,
+            largest_grid=math.prod(prepared.scene.surface.shape),
+        )
         mapper = enter(ordered_map(workers, scheduler, compile_first))
         if folder is None:
             stage_folder = enter(TemporaryDirectory()) if shared is None else shared

@@ -13,6 +13,7 @@ import logging
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
+from math import inf
 from pathlib import Path
 
 import numba
@@ -25,24 +26,30 @@ from ..base.stage import Mapper, Stage
 from ..execution.run import COMPILING, Progress, no_progress
 from ..face.cell_flow import FlowSettings, cell_permeabilities
 from ..flow.grid import energy_of
-from ..flow.harmonic import harmonic_fill
 from ..flow.solvers.choice import solve_flow
-from ..flow.solvers.hierarchy import build_levels
+from ..flow.solvers.multigrid import THREADED_NODES, solve_multigrid
+from ..flow.solvers.thresholds import MOST_MULTIGRID_ITERATIONS
 
 log = logging.getLogger("femseal")
-#: Name of the part with the loops for mirror boundaries.
-_MIRRORS = "mirrors"
+#: Names of the parts with the loops for mirror boundaries, and for grids whose rows are divided between threads.
+_MIRRORS, _THREADS = "mirrors", "threads"
 
 
 def compile_ahead(
-    mapper: Mapper, progress: Progress = no_progress, *, has_mirrors: bool = True
+    mapper: Mapper,
+    progress: Progress = no_progress,
+    *,
+    has_mirrors: bool = True,
+    largest_grid: float = inf,
 ) -> None:
     """Compile the loops of contact and flow in the processes of a mapper, unless the loops are already compiled.
 
     progress : callback progress(stage, done, total), called after each part of the loops has been compiled.
     has_mirrors : whether a contact has a mirror boundary, which needs further loops.
+    largest_grid : number of points of the largest grid. Multigrid needs further loops on large grids.
     """
-    parts = [part for part in _PARTS if has_mirrors or part != _MIRRORS]
+    is_needed = {_MIRRORS: has_mirrors, _THREADS: largest_grid >= THREADED_NODES}
+    parts = [part for part in _PARTS if is_needed.get(part, True)]
     record = _record(parts)
     if record is None or record.exists():
         return
@@ -98,16 +105,16 @@ def _gap(n: int) -> Array:
     return np.maximum(waves[:, None] + 0.5 * waves - 0.4, 0.0)
 
 
-def _compile_levels() -> None:
-    """Compile the loops that set up the multigrid levels."""
-    network = _network()
-    build_levels(network.along, network.across, network.ring2)
-
-
 def _compile_multigrid() -> None:
-    """Compile the multigrid iterations and the choice of the solver."""
+    """Compile the multigrid iteration for small grids, and the choice of the solver."""
     for solver in ("multigrid", "auto"):
         solve_flow(_network(), solver=solver)
+
+
+def _compile_threads() -> None:
+    """Compile the multigrid loops for large grids, whose rows are divided between threads."""
+    network = _network()
+    solve_multigrid(network, rtol=1e-6, limit=MOST_MULTIGRID_ITERATIONS, on_threads=True)
 
 
 def _compile_contact(boundary: str) -> None:
@@ -122,21 +129,14 @@ def _compile_cells() -> None:
     cell_permeabilities(gap, (1.0, 1.0), 0, FlowSettings(solver="elimination"), core=(4, 28))
 
 
-def _compile_seals() -> None:
-    """Compile the loops for the flow over seals, and for contact that is coupled with the fluid pressure."""
-    solve_flow(flow.Stencil(np.ones((3, 200)), np.ones((2, 200))))
-    harmonic_fill(np.where(_gap(4) > 1, _gap(4), np.nan))
-
-
-#: Parts that take 2 to 19 s each, in the order in which they are started. The parts "multigrid" and "cells" call loops
-#: of other parts. With two processes, the other parts are already compiled when "multigrid" and "cells" start, and both
-#: processes end at about the same time.
+#: Parts that take 2 to 25 s each, in the order in which they are started. The parts "cells" and "threads" call loops of
+#: other parts. With two processes, these are already compiled when "cells" and "threads" start, and both processes end
+#: at about the same time.
 _PARTS: dict[str, Callable[[], object]] = {
-    "elimination": lambda: solve_flow(_network(), solver="elimination"),
-    "levels": _compile_levels,
-    "multigrid": _compile_multigrid,
     "contact": partial(_compile_contact, "periodic"),
+    "elimination": lambda: solve_flow(_network(), solver="elimination"),
+    "multigrid": _compile_multigrid,
     "cells": _compile_cells,
-    "seals": _compile_seals,
     _MIRRORS: partial(_compile_contact, "mirror"),
+    _THREADS: _compile_threads,
 }

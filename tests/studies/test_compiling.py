@@ -55,6 +55,20 @@ def test_loops_for_mirror_boundaries_are_only_compiled_if_they_are_needed(tmp_pa
     assert set(with_mirrors) - set(without) == {"mirrors"}
 
 
+def test_loops_for_threads_are_only_compiled_for_large_grids(tmp_path, monkeypatch):
+    given = []
+
+    def mapper(stage, parts):
+        given.append(parts)
+        return parts
+
+    monkeypatch.setattr(compiling, "_record", lambda parts: tmp_path / f"compiled-{len(parts)}")
+    for points in (2**18 - 1, 2**18):
+        compiling.compile_ahead(mapper, largest_grid=points)
+    small, large = given
+    assert set(large) - set(small) == {"threads"}
+
+
 def test_processes_that_die_leave_no_record(tmp_path, monkeypatch):
     record = tmp_path / "compiled"
     monkeypatch.setattr(compiling, "_record", lambda parts: record)
