@@ -109,7 +109,8 @@ def _without_held(loose, is_loose, centre, links, neighbours, ring):
         if is_held[q]:
             is_loose[loose[q, 0], loose[q, 1]] = False
         else:
-            loose[count] = loose[q]
+            # the assignment of a whole row would compile a message about its shape, which takes several seconds
+            loose[count, 0], loose[count, 1] = loose[q, 0], loose[q, 1]
             count += 1
     return loose[:count]
 
@@ -143,7 +144,7 @@ def find_clusters(is_loose, operator, is_nine_point, ring):
             continue
         # fill a new cluster, beginning with this node
         begin = size
-        nodes[size] = loose[q]
+        nodes[size, 0], nodes[size, 1] = i, j
         is_loose[i, j] = False
         size += 1
         visited = begin
