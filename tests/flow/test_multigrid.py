@@ -97,7 +97,7 @@ def test_a_corrected_cluster_is_balanced(sides):
 def test_clusters_save_iterations(monkeypatch):
     """A gap with bays and channels that the coarse grids do not resolve."""
     links = cell_links(smooth_gap(128, 0.3, 15), (1.0, 1.0), "mirror")
-    monkeypatch.setattr(multigrid, "_THREADED_NODES", 0)
+    monkeypatch.setattr(multigrid, "THREADED_NODES", 0)
     with_clusters = solve_links(*links, solver="multigrid").iterations
     monkeypatch.setattr(hierarchy, "find_clusters", lambda *_: clusters.no_clusters())
     without = solve_links(*links, solver="multigrid").iterations
