@@ -148,7 +148,7 @@ def _with_dynamic_viscosity(
         expected = "a dynamic viscosity of a gas, such as '18 uPa*s'"
     elif density is None:
         expected = (
-            "a density beside a kinematic viscosity, such as '870 kg/m^3'; or a dynamic one, "
+            "a density in addition to the kinematic viscosity, such as '870 kg/m^3'; or a dynamic viscosity, "
             "such as '1 mPa*s'"
         )
     if density is None or expected:

@@ -126,7 +126,7 @@ def _with_present_keys(face: Any, warnings: list[str]) -> Any:
         if former in table and present not in table:
             table[present] = table.pop(former)
             warnings.append(
-                f"face.{former} is face.{present} now: the former name is read until the next version"
+                f"face.{former} has been renamed face.{present}; the former name is accepted until the next version"
             )
     return table
 

@@ -27,5 +27,5 @@ def odd_properties(table: RawTable, properties: dict[str, Amount], table_key: st
         unit = usual.unit.replace("*", "·")
         yield (
             f"{table_key}.{name} {to_text(value, unit)} is {times} that of {table['name']}, "
-            f"{to_text(usual, unit)}: keep it if it was measured, else leave out the key or the name"
+            f"{to_text(usual, unit)}: keep it if it was measured, otherwise omit the key or the name"
         )

@@ -46,7 +46,7 @@ def limited_factor_warnings(
     surface_leakage: Array,
     cells_leakage: Array,
     largest: float,
-    contact_pressures: Array | None = None,
+    contact_pressures: Array,
 ) -> Iterator[str]:
     """Warn about seals with cells at random whose correction factor is limited.
 
@@ -64,17 +64,15 @@ def limited_factor_warnings(
         Leakage of the surface, and of its grid of cells [m²/s].
     largest : float
         Largest correction factor; the smallest one is 1/`largest`.
-    contact_pressures : array (steps,), optional
+    contact_pressures : array (steps,)
         Contact pressure of each load step [Pa], to find the nearest tabulated pressure. It is lower than the nominal
-        pressure if fluid pressure acts on the surfaces. Default: the nominal pressures of the load steps.
+        pressure if fluid pressure acts on the surfaces.
     """
     is_limited = _is_limited(
         correction_factors(surface_leakage, cells_leakage, states, largest), largest
     )
     if states != steps:
         loading = np.flatnonzero(states.on_loading)
-        if contact_pressures is None:
-            contact_pressures = steps.pressures
         distance = np.abs(contact_pressures[:, None] - states.pressures[loading])
         nearest = loading[distance.argmin(axis=1)]  # (steps,)
         is_limited = is_limited[nearest] & steps.on_loading

@@ -179,16 +179,16 @@ def kill_processes() -> None:
     _has_processes.clear()
     workers = _worker_processes()
     executor = get_reusable_executor(reuse=True)
-    ending = threading.Thread(target=executor.shutdown, kwargs={"kill_workers": True}, daemon=True)
-    ending.start()
-    ending.join(END_SECONDS)
-    if not ending.is_alive():
+    killing = threading.Thread(target=executor.shutdown, kwargs={"kill_workers": True}, daemon=True)
+    killing.start()
+    killing.join(END_SECONDS)
+    if not killing.is_alive():
         return
-    log.warning("worker processes did not end within %g s: they are ended by force", END_SECONDS)
+    log.warning("worker processes did not end within %g s: they are killed", END_SECONDS)
     for worker in workers:
         with suppress(psutil.Error):
             worker.kill()
-    ending.join(END_SECONDS)
+    killing.join(END_SECONDS)
 
 
 def _worker_processes() -> list[psutil.Process]:

@@ -38,7 +38,7 @@ def attempt_sentences(attempts: dict[str, Any]) -> list[str]:
         can_halve = not attempts["half_error"].startswith("not possible")
     is_reason_stated = attempts["why"] and not can_halve
     if has_error and not is_reason_stated:
-        sentences.append(f"Half the error: {attempts['half_error']}.")
+        sentences.append(f"To halve the error: {attempts['half_error']}.")
     return sentences
 
 

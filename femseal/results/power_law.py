@@ -57,7 +57,7 @@ class PowerLaw:
         leakage : float
             Leakage q per unit length of the seal [m²/s].
         """
-        # p₀ⁿ can be too large for a number where the exponent is large; the index is then infinite
+        # p₀ⁿ can overflow if the exponent is large; the index is then infinite
         logarithm = self.exponent * np.log(self.pressure) + np.log(
             self.permeability * drive / leakage
         )
@@ -204,7 +204,7 @@ def integrate_power(positions: ArrayLike, pressures: ArrayLike, exponent: float)
     highest = float(p.max())
     if highest == 0:
         return 0.0
-    # compute in units of the highest pressure, because the power of a pressure in pascal can be too large for a number
+    # compute in units of the highest pressure, because the power of a pressure in pascal can overflow
     larger, smaller, safe_rise = larger / highest, smaller / highest, safe_rise / highest
     exact = (larger ** (n + 1) - smaller ** (n + 1)) / ((n + 1) * safe_rise)
     mean = np.where(is_level, ((larger + smaller) / 2) ** n, exact)

@@ -57,8 +57,8 @@ def verdict_paragraphs(
     answer = _Answer(results)
     paragraphs = [answer.about_class(verdict, len(verdicts)) for verdict in verdicts]
     classes = leak_classes([verdict.name for verdict in verdicts])
-    # a class with a limit for the whole seal has already been compared with the leakage of the whole seal
-    if not any(not LEAK_UNITS[leak_class.unit].per_length for leak_class in classes):
+    # if a class limits the leakage of the whole seal, the paragraph on this class already states it
+    if all(LEAK_UNITS[leak_class.unit].per_length for leak_class in classes):
         paragraphs.append(answer.about_leakage(with_cycle=not verdicts))
     paragraphs.append(answer.about_service())
     paragraphs.append(answer.about_measures(verdicts))

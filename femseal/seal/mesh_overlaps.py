@@ -18,7 +18,8 @@ from ..base import Array, Flags, Indices
 #: Allowed overlap of two elements, as a fraction of the extent of the smaller element. The overlap can be positive
 #: because of rounded coordinates, and because straight edges approximate arcs.
 _ALLOWED_OVERLAP = 0.1
-#: Number of elements at the boundary, and number of pairs of elements, that are processed at a time to limit memory.
+#: Number of elements at the boundary, and number of pairs of elements, that are processed at a time. This limits the
+#: memory for usual meshes; thin elements can have many more candidates than neighbours.
 _ELEMENTS_AT_ONCE = 2**12
 _PAIRS_AT_ONCE = 2**15
 
@@ -54,9 +55,9 @@ def _pairs_of_boxes(
 ) -> Iterator[tuple[Indices, Indices]]:
     """Find all pairs of an element at the boundary and another element whose bounding boxes overlap.
 
-    A tree of the centres of the bounding boxes finds the elements near an element. It must look as far as the largest
-    element extends. Elements of different sizes therefore have different trees, so that a few large elements do not
-    make the search slow.
+    A tree of the centres of the bounding boxes finds the elements near an element. The search radius must cover the
+    largest element of a tree. The elements are therefore grouped by size, with one tree for each group, so that a few
+    large elements do not make the search slow.
 
     Parameters
     ----------
@@ -68,7 +69,8 @@ def _pairs_of_boxes(
     Yields
     ------
     Indices of the first elements and indices of the second elements of some pairs. All pairs of the same first element
-    are yielded together, in the order of the first elements.
+    are yielded together. The first elements of a later batch have larger indices; within a batch, the pairs are in no
+    particular order.
     """
     low, high = corners.min(axis=1), corners.max(axis=1)  # opposite corners of the bounding boxes
     centre = (low + high) / 2

@@ -105,7 +105,7 @@ def _read_triangles(file: Path, name: str) -> _FieldOnTriangles:
         return _FieldOnTriangles(
             points[triangles.ravel()], np.repeat(triangle_values, 3), separate_triangles
         )
-    expected = f"the name of data of points or cells in '{file}': {field_names(data)}"
+    expected = f"the name of a point field or cell field in '{file}': {field_names(data)}"
     raise InputError("name", repr(name), expected)
 
 

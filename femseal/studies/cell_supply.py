@@ -1,4 +1,4 @@
-"""Compute the permeabilities of all cells at the pressures of the tiles, for seals whose tiles take random cells."""
+"""Compute the permeabilities of all cells at the pressures of the tiles of a seal."""
 
 from __future__ import annotations
 

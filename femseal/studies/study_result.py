@@ -111,8 +111,8 @@ class SurfaceResult(Shown):
     """Base class of the results of studies that solve a surface, without realisations of a whole seal.
 
     A result is a frozen dataclass derived from this class. It defines the members of `StudyResult` that are missing
-    here: method, steps, leakage, cells, patches, patch_state, quick_estimate, failures and warnings. It overrides those
-    that it knows better.
+    here: method, steps, leakage, cells, patches, patch_state, quick_estimate, failures and warnings. It overrides the
+    defaults of this class where it has the value.
     """
 
     kind: ClassVar[str] = ""

@@ -1,7 +1,7 @@
 """Read files of instruments with SurfaceTopography, which knows dozens of formats with their channels, units and masks.
 
-If a file does not state its unit, the caller must give the unit. Channels whose unit is not a length are read if the
-caller gives a unit of height.
+If a file does not state its unit, the caller must give the unit. A channel whose unit is not a length is read if
+SurfaceTopography lists it and the caller gives a unit of height.
 """
 
 import os
@@ -38,8 +38,8 @@ def read_instrument(path: Path, options: Reading, other_suffixes: Sequence[str] 
     if not channels:
         given = "no map of heights: no channel of the file has a unit of length"
         expected = (
-            "a file with a map; in the program that wrote the file, give the heights and the sides "
-            "their units, or export the map as .x3p or text"
+            "a file with a map; in the program that wrote the file, set the units of the heights and of the "
+            "lateral dimensions, or export the map as .x3p or text"
         )
         raise InputError("file", given, expected)
     return _read_channel(_select_channel(channels, options), suffix)

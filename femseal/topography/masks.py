@@ -53,7 +53,7 @@ def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
     with reading(path):
         values = reader(path, Reading()).heights
     if values.shape != shape:
-        hint = "; turned by its diagonal it would fit" if values.shape == shape[::-1] else ""
+        hint = "; its transpose would fit" if values.shape == shape[::-1] else ""
         expected = f"{as_text(shape)}, as in the file of the heights, x first{hint}"
         raise InputError("mask", f"{as_text(values.shape)} points in '{path.name}'", expected)
     return values != 0

@@ -48,7 +48,7 @@ def implausible_values(path: Path, topography: Topography, given: Reading) -> It
     slope = _median_slope(topography)
     if slope > _SLOPE_LIMIT:
         expected = f"at most 10; {advice} size= and height_unit= (--size, --height-unit)"
-        yield bad_file(path, f"a slope of {slope:.3g} on half of its points", expected)
+        yield bad_file(path, f"a median slope of {slope:.3g}", expected)
 
 
 def _sampled_deviation(topography: Topography) -> float:

@@ -126,8 +126,8 @@ def truncate(z: NDArray, spacing: Pair, periodic: Periodic, limit: float) -> NDA
         )
     if mirrored:
         heights = scipy.fft.idctn(coefficients, axes=mirrored, norm="ortho", overwrite_x=True)
-        # The result is usually a view of the overwritten array. The array itself owns its memory, so that a map need
-        # not copy it.
+        # The result is usually a view of the overwritten array. The array itself, which owns its memory, is returned
+        # instead, so that `Topography` does not have to copy it.
         coefficients = coefficients if heights.base is coefficients else heights
     return coefficients
 

@@ -162,7 +162,7 @@ def test_pressures_of_several_inlets_of_a_mesh_say_what_to_do_instead():
             r"fluid.ambient_pressure: .*without",
         ),
         (WATER + '"1 bar(g)"\nambient_pressure = 1\n', r"fluid.ambient_pressure: given 1"),
-        (OIL, "fluid.viscosity: given '46 cSt', expected a density beside a kinematic"),
+        (OIL, "fluid.viscosity: given '46 cSt', expected a density in addition to the kinematic"),
         (OIL + 'density = "870 kg"', "fluid.density: given '870 kg'"),
         (
             OIL.replace("46", "-46") + 'density = "870 kg/m^3"',

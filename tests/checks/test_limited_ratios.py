@@ -42,21 +42,24 @@ def test_a_leakage_that_is_too_small_to_be_compared_is_not_warned_of():
 @pytest.mark.parametrize("factor", [3.0, 5.0, 1 / 3, 0.1])
 def test_a_limited_correction_factor_is_warned_of(factor):
     cells = SURFACE / [1, 1, factor, 1]
-    (text,) = limited_factor_warnings(STEPS, SURFACE, STEPS, SURFACE, cells, 3.0)
+    (text,) = limited_factor_warnings(STEPS, SURFACE, STEPS, SURFACE, cells, 3.0, STEPS.pressures)
     assert "only a limit at loading 100 MPa:" in text
-    assert not [*limited_factor_warnings(STEPS, SURFACE, STEPS, SURFACE, SURFACE / 2.9, 3.0)]
+    within = (STEPS, SURFACE, STEPS, SURFACE, SURFACE / 2.9, 3.0, STEPS.pressures)
+    assert not [*limited_factor_warnings(*within)]
     # the contact states of the cells have tabulated pressures: the nearest one to 100 MPa is limited
     states = LoadProgramme.of([1e6, 2e7, 9e7])
     table = np.array([2.0, 0.5, 0.1])
     given = (STEPS, SURFACE, states, table, table / [1, 1, factor], 3.0)
-    assert [*limited_factor_warnings(*given)] == [text]
+    assert [*limited_factor_warnings(*given, STEPS.pressures)] == [text]
+    # with fluid pressure on the surfaces, all contact pressures are nearer to the other states
+    assert not [*limited_factor_warnings(*given, 0.5 * STEPS.pressures)]
 
 
 def test_a_load_that_takes_a_limited_factor_from_its_neighbour_is_warned_of():
     """At the highest load the surface is closed but its cells leak: its factor is that of the load below it."""
     steps = LoadProgramme.of([1e7, 3e7, 1e8, 2e8])
     surface, cells = np.array([1.0, 0.5, 0.1, 0.0]), np.array([1.0, 0.5, 0.002, 0.01])
-    (text,) = limited_factor_warnings(steps, cells, steps, surface, cells, 3.0)
+    (text,) = limited_factor_warnings(steps, cells, steps, surface, cells, 3.0, steps.pressures)
     assert "only a limit at loading 100 MPa and 1 more load:" in text
 
 
