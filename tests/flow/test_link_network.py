@@ -260,3 +260,16 @@ def test_a_network_of_more_links_than_can_be_numbered_is_refused_before_any_work
     along, across = (np.broadcast_to(1.0, (rows, n2)) for rows in (n1, n1 - 1))
     with pytest.raises(InputError, match=r"along: given shape .* at most 2147483647 links"):
         solve_flow(Stencil(along, across))
+
+
+def test_long_and_narrow_networks_take_multigrid_where_it_is_faster():
+    """Closed links and a flow along the long side make multigrid slow."""
+    smooth = links(8, 6000, periodic=True, contrast=10)
+    flow = solve_links(*smooth, solver="auto", rtol=1e-10)
+    assert flow.solver == "multigrid"
+    eliminated = solve_links(*smooth, solver="elimination")
+    assert_allclose(flow.conductance, eliminated.conductance, rtol=1e-9)
+    half_closed = links(8, 6000, periodic=True, contrast=10, closed=0.3)
+    assert solve_links(*half_closed, solver="auto").solver == "elimination"
+    along = links(6000, 8, periodic=True, contrast=10)
+    assert solve_links(*along, solver="auto").solver == "elimination"

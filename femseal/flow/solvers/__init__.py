@@ -27,7 +27,8 @@ operator       condition                                                      so
 =============  =============================================================  ===================================
 stencil        no open path, or no node between inlet and outlet              none: the potential is known
 stencil        more than COARSEST_NODES nodes on the coarsest grid, that      elimination
-               is, a long and narrow network
+               is, a long and narrow network; and its roughness r is above
+               SLENDER_ROUGHNESS, or the fluid flows along its long side
 stencil        at most ELIMINATED_NODES open nodes, and not more than         elimination
                SMOOTH_NODES exp(ROUGHNESS_GROWTH r), with the roughness r
 stencil        at most ELIMINATED_NODES open nodes, and pixels longer than    elimination

@@ -36,6 +36,7 @@ from .thresholds import (
     RESOLVED_LINK,
     ROUGHNESS_GROWTH,
     SAMPLED_ROWS,
+    SLENDER_ROUGHNESS,
     SMOOTH_NODES,
 )
 
@@ -166,12 +167,13 @@ def _solve(
 def _suits_multigrid(stencil: Stencil, nodes: int) -> bool:
     """Return whether multigrid should be tried first on a network with `nodes` open nodes."""
     n1, n2 = stencil.along.shape
+    roughness = _roughness(stencil.along, max(1, n1 // SAMPLED_ROWS))
     is_slender = coarsest_nodes(n1 - 1, n2) > COARSEST_NODES
-    if is_slender:
+    flows_along = n1 > n2  # the fluid flows along the long side
+    if is_slender and (flows_along or roughness > SLENDER_ROUGHNESS):
         return False
     if nodes > ELIMINATED_NODES:
         return True
-    roughness = _roughness(stencil.along, max(1, n1 // SAMPLED_ROWS))
     # multigrid is faster from SMOOTH_NODES exp(ROUGHNESS_GROWTH r) nodes on; logarithms are compared, so that nothing
     # can overflow
     return log(nodes / SMOOTH_NODES) > ROUGHNESS_GROWTH * roughness
