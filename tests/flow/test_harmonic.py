@@ -43,9 +43,10 @@ def test_against_a_sparse_matrix(shape, fraction):
     assert_allclose(filled, by_matrix(values), rtol=0, atol=1e-4 * 5e7)
 
 
-@pytest.mark.parametrize("shape", [(1, 8), (8, 1), (33, 40)])
+@pytest.mark.parametrize("shape", [(1, 40), (40, 1), (33, 40)])
 def test_few_undefined_values_are_exact(shape):
-    values = with_holes(shape, 0.15)
+    values = with_holes(shape, 0.1)
+    assert 0 < np.isnan(values).mean() <= 0.2
     assert_allclose(harmonic_fill(values), by_matrix(values), rtol=0, atol=1e-12 * 5e7)
 
 
