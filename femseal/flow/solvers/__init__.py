@@ -46,5 +46,6 @@ picture raises `InputError`. There is one exception: on long pixels, "multigrid"
 rigorous error bound would reject up to half of such flows. `DarcyFlow.solver` names the solver that was used.
 
 **Multigrid and narrow links.** Links below RESOLVED_LINK are left out, and nodes that are only connected by links below
-CONTRIBUTING_LINK are eliminated afterwards. The error of multigrid is bounded rigorously.
+CONTRIBUTING_LINK are eliminated afterwards. The error of multigrid is bounded rigorously in networks without such
+nodes. In networks with such nodes, the bound leaves out their excess, so that it is not strictly rigorous.
 """
