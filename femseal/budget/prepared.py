@@ -199,10 +199,6 @@ class Prepared:
         assert self.sampling is not None
         return cut_and_cover(self.scene.surface, self.scene.layout, self.cells, self.sampling)
 
-    def replaced(self, **changes: Any) -> Prepared:
-        """Return a copy of the input in which the given attributes are replaced."""
-        return replace(self, **changes)
-
     def changed(self, change: ModelChange) -> Prepared:
         """Return a copy of the input in which the scene and the forms are changed, for the error budget."""
         sampling = self.sampling

@@ -109,7 +109,7 @@ def continued_versions(grid: Prepared) -> list[Prepared]:
     ]
     without_octave = surface.low_pass(2 * continued.cut_off)
     return [
-        grid.replaced(scene=replace(grid.scene, surface=changed_surface))
+        replace(grid, scene=replace(grid.scene, surface=changed_surface))
         for changed_surface in (*other_phases, without_octave)
     ]
 
@@ -142,7 +142,7 @@ def _reduced(version: Prepared, surface: Surface) -> Prepared:
         sampling = replace(sampling, realisations=count, median_fields=False)
     methods = frozenset(solved_study(study).name for study in version.studies)
     scene = replace(version.scene, surface=surface)
-    return version.replaced(scene=scene, sampling=sampling, methods=methods)
+    return replace(version, scene=scene, sampling=sampling, methods=methods)
 
 
 @dataclass(frozen=True, eq=False)

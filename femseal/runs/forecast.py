@@ -5,7 +5,7 @@ numbers of pixels, load steps and elements, and from speeds measured in other ru
 range, because the number of iterations is not known beforehand.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -109,7 +109,7 @@ def forecast(
         if test_fluid is not None and drop_ratio(test_fluid.state, prepared.scene) is None:
             # the seals of the answer are solved again with the test fluid
             scene = test_fluid.state.in_scene(prepared.scene)
-            inputs.append(prepared.only_answer.replaced(scene=scene))
+            inputs.append(replace(prepared.only_answer, scene=scene))
         # if the number of realisations is chosen during the run, it lies between these two numbers
         fewest_costs = _study_costs(inputs, FEWEST_BY_DEFAULT)
         most_costs = _study_costs(inputs, MOST_BY_DEFAULT)

@@ -41,7 +41,9 @@ def test_loops_are_compiled_by_parts_and_once(tmp_path, monkeypatch):
     assert record.exists()
 
 
-def test_loops_for_mirror_boundaries_are_only_compiled_if_they_are_needed(tmp_path, monkeypatch):
+@pytest.fixture
+def compiled_parts(tmp_path, monkeypatch):
+    """List to which each call adds the parts to compile, and a mapper that adds them without compiling."""
     given = []
 
     def mapper(stage, parts):
@@ -49,20 +51,19 @@ def test_loops_for_mirror_boundaries_are_only_compiled_if_they_are_needed(tmp_pa
         return parts
 
     monkeypatch.setattr(compiling, "_record", lambda parts: tmp_path / f"compiled-{len(parts)}")
+    return given, mapper
+
+
+def test_loops_for_mirror_boundaries_are_only_compiled_if_they_are_needed(compiled_parts):
+    given, mapper = compiled_parts
     for has_mirrors in (False, False, True):
         compiling.compile_ahead(mapper, has_mirrors=has_mirrors)
     without, with_mirrors = given  # the second call finds the record of the first
     assert set(with_mirrors) - set(without) == {"mirrors"}
 
 
-def test_loops_for_threads_are_only_compiled_for_large_grids(tmp_path, monkeypatch):
-    given = []
-
-    def mapper(stage, parts):
-        given.append(parts)
-        return parts
-
-    monkeypatch.setattr(compiling, "_record", lambda parts: tmp_path / f"compiled-{len(parts)}")
+def test_loops_for_threads_are_only_compiled_for_large_grids(compiled_parts):
+    given, mapper = compiled_parts
     for points in (2**18 - 1, 2**18):
         compiling.compile_ahead(mapper, largest_grid=points)
     small, large = given
