@@ -27,6 +27,9 @@ from .nested_grids import Level, solve_straight_law
 from .workspace import workspace
 
 
+@validate.removed_arguments(
+    approach="give the pressure; the approach of the solved contact is Contact.approach"
+)
 def solve_contact(
     gap0: ArrayLike,
     half_space: HalfSpace,

@@ -552,3 +552,9 @@ def test_bad_input_is_named(change, words):
     with pytest.raises(InputError) as caught:
         solve_contact(half_space=HalfSpace((6, 6), (D, D), E), **given)
     assert all(word in str(caught.value) for word in words), str(caught.value)
+
+
+def test_an_approach_in_place_of_a_pressure_is_answered_with_what_to_do():
+    body = HalfSpace((6, 6), (D, D), E)
+    with pytest.raises(InputError, match=r"approach: given 1e-06, .*give the pressure"):
+        solve_contact(np.zeros((6, 6)), body, approach=1e-6)
