@@ -238,7 +238,7 @@ KNOWN = (
 )
 
 
-def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
+def find_leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
     """Look up leakage classes by their names, and return each class once.
 
     Parameters
@@ -254,18 +254,18 @@ def leak_classes(names: Iterable[str]) -> tuple[LeakClass, ...]:
     """
     classes = {}
     for name in names:
-        for leak_class in _find_classes(name):
+        for leak_class in _find_by_name(name):
             classes[leak_class.name] = leak_class
     return tuple(classes.values())
 
 
 def check_classes(names: Iterable[str], diameter: float | None, basis: LeakBasis) -> None:
     """Raise InputError if a class is unknown, is not defined for the fluid, or needs a diameter that is missing."""
-    for leak_class in leak_classes(names):
+    for leak_class in find_leak_classes(names):
         leak_class.limit(basis, diameter)
 
 
-def _find_classes(name: str) -> list[LeakClass]:
+def _find_by_name(name: str) -> list[LeakClass]:
     """Return the class of a given name, all classes of a standard, or a class for a limit such as '1e-6 mg/(s*m)'."""
     if not isinstance(name, str):
         raise InputError("classes", shown(name), KNOWN)

@@ -168,13 +168,8 @@ def solved_version(version: Prepared, mapper: Mapper) -> dict[str, VersionLeakag
         except FemsealError as error:
             log.warning("error budget: %s on a coarser grid failed: %s", study.name, error)
             continue
-        leakages[study.key] = VersionLeakage(leakage_of(result), result.realisation_count)
+        leakages[study.key] = VersionLeakage(result.predicted_leakage, result.realisation_count)
     return leakages
-
-
-def leakage_of(result: StudyResult) -> Array:
-    """Return the leakage of a study at every step (steps,) [m²/s], the median of the realisations if there are any."""
-    return result.predicted_leakage
 
 
 def compare_leakage(
@@ -195,4 +190,4 @@ def compare_leakage(
         return CoarserSolution(points, solution.leakage, rms_slope=slope)
     # the first realisations of the study have the same cells in the same tiles as the realisations of the version
     same_seals = replace(cast(Any, result), leakage=result.leakage[: solution.realisations])
-    return CoarserSolution(points, solution.leakage, leakage_of(same_seals), slope)
+    return CoarserSolution(points, solution.leakage, same_seals.predicted_leakage, slope)

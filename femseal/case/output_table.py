@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, WithJsonSchema, model_validator
 
 from ..base import InputError
-from ..base.leak_classes import KNOWN, leak_classes
+from ..base.leak_classes import KNOWN, find_leak_classes
 from ..base.leak_rates import BUBBLE, DROP
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit
 from ..budget.sources import MODEL_PARTS
@@ -30,7 +30,7 @@ def _read_unit(value: Any) -> str:
 def _read_class(value: Any) -> str:
     """Return the name of a leakage class; raise an InputError if it is unknown."""
     with as_value_error():
-        leak_classes([value])
+        find_leak_classes([value])
     return str(value)
 
 

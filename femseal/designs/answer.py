@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..base import AnyPath, InputError, counted, to_si, to_text, validate, versions
-from ..base.leak_classes import check_classes, leak_classes
+from ..base.leak_classes import check_classes, find_leak_classes
 from ..case.case import Case
 from ..case.quantity_types import Amount
 from ..case.reading import load_case
@@ -21,8 +21,8 @@ from ..execution.run import no_progress
 from ..fluids import leak_basis
 from ..results import Results, open_results
 from ..results.class_fluid import class_fluid
-from ..results.leakage_classes import class_limits
 from ..results.load_steps import given_loads, load_format
+from ..results.met_classes import class_limits
 from ..runs import job
 from .data_sheet import Design
 from .requirements import Requirement, Seals, requirement, sealing_load
@@ -102,7 +102,7 @@ def design(
     """
     probability = validate.tolerance("probability", probability)
     class_names = tuple(classes)
-    wanted_classes = leak_classes(class_names)
+    wanted_classes = find_leak_classes(class_names)
     case, results = _case_or_results(what)
     assembly_loads = _loads_in_assembly(case, results, assembly)
     diameter = None

@@ -23,7 +23,7 @@ from ..base import (
     write_text,
     writing,
 )
-from ..base.leak_classes import leak_classes
+from ..base.leak_classes import find_leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit
 from ..loads import relaxed
 from ..plots.drawing import shows
@@ -157,7 +157,7 @@ class Design(Plotted):
         """Leakage unit of the first class, and its size as a leakage per length of seal [m²/s]."""
         unit = self.results.leak_unit
         if self.requirements:
-            first_class = leak_classes([self.requirements[0].name])[0]
+            first_class = find_leak_classes([self.requirements[0].name])[0]
             unit = LEAK_UNITS[first_class.unit]
         return unit, self.results.class_basis.factor(unit)
 

@@ -13,7 +13,7 @@ from ..base.leak_units import LeakUnit
 from ..plots.drawing import LEGEND_LINE, LOADS, Sheet, label_decades, legend_below
 from ..plots.leakage_panels import LeakageCurves, leakage_panel, limit_lines, limits_width
 from ..plots.style import GREY, branch_styles
-from ..results.leakage_format import kind_of
+from ..results.leakage_format import leakage_kind
 from ..results.load_steps import LoadFormat, pressures_and_peaks
 from ..results.needed_pressure import LoadText
 from .requirements import ENDS, Requirement, Seals
@@ -65,7 +65,7 @@ def requirements_figure(
         title="",
         band=band,
         band_name=band_name,
-        scale=(scale, f"{kind_of(unit)} [{unit.name}]"),
+        scale=(scale, f"{leakage_kind(unit)} [{unit.name}]"),
         loads=loads,
     )
     # besides the unloadings: loading, interval, Qmin, QSmin, the bar of their intervals, and a margin of one entry

@@ -11,7 +11,7 @@ import numpy as np
 from ..base import Array, InputError
 from ..base.leak_units import leakage_unit
 from ..results.best_leakage import solved_studies
-from ..results.leakage_format import class_unit, kind_of, leakage_of
+from ..results.leakage_format import class_unit, leakage_kind, leakage_label
 from ..results.load_steps import AS_PRESSURES, load_format, pressures_and_peaks
 from ..results.needed_pressure import LeakageCurve
 from ..results.results import Results
@@ -203,7 +203,7 @@ def leak_test_figure(results: Results) -> Figure:
     band = None
     if curve.has_interval:
         band = curve.lower, np.where(is_known, curve.upper, np.nan)
-    axis_name = f"{kind_of(unit)} [{unit.name}]\ntest with {deciding_fluid(results)}"
+    axis_name = f"{leakage_kind(unit)} [{unit.name}]\ntest with {deciding_fluid(results)}"
     curves = LeakageCurves(
         pressure=data["nominal_pressure"].values,
         peaks=data["unloaded_from"].values,
@@ -254,7 +254,7 @@ def _run_scale(results: Results) -> tuple[float, str]:
         notes.append("gas at 101 325 Pa")
     if attrs["outlet_pressure_Pa"] > attrs["inlet_pressure_Pa"]:
         notes.append("from outlet to inlet")
-    name = f"{leakage_of(results).rstrip(',')} [{unit.name}]"
+    name = f"{leakage_label(results).rstrip(',')} [{unit.name}]"
     if notes:
         name += "\n" + ", ".join(notes)
     return factor, name

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import scipy.fft
 
 from ..base import number_text, to_text
-from ..base.leak_classes import leak_classes
+from ..base.leak_classes import find_leak_classes
 from ..base.leak_units import LEAK_UNITS
 from ..case.case import Case
 from ..case.reading import parse_case
@@ -216,7 +216,7 @@ def _tables(drawing: Drawing, size: _SurfaceSize, scale: float) -> dict[str, Any
     }
     if drawing.limit:
         tables["output"] = {"classes": [drawing.limit]}
-        unit = LEAK_UNITS[leak_classes([drawing.limit])[0].unit]
+        unit = LEAK_UNITS[find_leak_classes([drawing.limit])[0].unit]
         if not unit.per_length:
             tables["output"]["leakage_unit"] = unit.name
     return tables

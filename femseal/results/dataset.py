@@ -13,7 +13,7 @@ import xarray
 
 from ..base import InputError, counted, versions
 from ..base.fields import CELL, FACE, STEP, Field, fields_of
-from ..base.leak_classes import leak_classes
+from ..base.leak_classes import find_leak_classes
 from ..base.leak_rates import LeakBasis
 from ..base.leak_units import leak_unit
 from ..base.machine import machine, peak_memory
@@ -40,8 +40,8 @@ from .best_leakage import (
     best_study,
     leak_basis_of,
 )
-from .leakage_classes import add_classes
 from .load_steps import load_names
+from .met_classes import add_classes
 from .results import Results
 
 
@@ -179,7 +179,7 @@ def assemble(scene: Scene, *studies: StudyResult, facts: RunFacts = _NO_FACTS) -
         temperature = facts.throughput_temperature
         variables.add_test_fluid(data, facts.test, service_fluid, temperature, facts.valve)
     results = Results(data, None, scene, by_key)
-    class_warnings = add_classes(data, leak_classes(facts.classes), facts.nominal_diameter)
+    class_warnings = add_classes(data, find_leak_classes(facts.classes), facts.nominal_diameter)
     warnings = [*_vague_leakage(data), *class_warnings]
     if warnings:
         data.attrs["warnings"] = _json([*results.warnings, *warnings])

@@ -29,13 +29,13 @@ def class_unit(run: Results) -> LeakUnit:
     return LEAK_UNITS["mbar·L/(m·s)" if basis.is_gas else "mL/(m·min)"]
 
 
-def leakage_of(run: Results) -> str:
+def leakage_label(run: Results) -> str:
     """Describe the leakage that tables show: per unit length, or of the whole seal with its length."""
-    text = kind_of(run.leak_unit)
+    text = leakage_kind(run.leak_unit)
     return text if run.leak_unit.per_length else f"{text}, {to_text(run.leak_basis.length, 'm')},"
 
 
-def kind_of(unit: LeakUnit) -> str:
+def leakage_kind(unit: LeakUnit) -> str:
     """Say whether a unit is for the leakage per unit seal length or for the leakage of the whole seal."""
     return "leakage per length of seal" if unit.per_length else "leakage of the whole seal"
 

@@ -31,7 +31,7 @@ from ..loads import LoadProgramme
 from ..studies import FaceResult, Scene, StochasticResult, Study, StudyResult
 from ..studies.study_list import DETERMINISTIC, STOCHASTIC, TWO_SCALE
 from . import best_leakage, load_steps
-from .leakage_classes import tightest_classes
+from .met_classes import tightest_classes
 from .run_pictures import RunPictures
 
 if TYPE_CHECKING:

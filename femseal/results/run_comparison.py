@@ -30,7 +30,7 @@ from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..loads import LoadStep
 from .class_loads import class_columns, common_load_text
 from .dataset_file import open_results
-from .leakage_format import format_interval, kind_of
+from .leakage_format import format_interval, leakage_kind
 from .ranking import Ranking
 from .results import Results
 from .tables import leakage_texts
@@ -122,7 +122,7 @@ class RunComparison(Plotted):
     @property
     def label(self) -> str:
         """Name of the compared leakage, with its unit."""
-        return f"{kind_of(self.unit)} [{self.unit.name}]"
+        return f"{leakage_kind(self.unit)} [{self.unit.name}]"
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the comparison as one dictionary for each run and load step.

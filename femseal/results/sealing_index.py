@@ -30,10 +30,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Indices, InputError, Pair, to_si, validate
-from ..base.leak_classes import leak_classes
+from ..base.leak_classes import find_leak_classes
 from ..seal.layouts import AnnularLayout, MeshLayout
 from .class_fluid import class_fluid
-from .leakage_classes import class_limits
+from .met_classes import class_limits
 from .needed_pressure import LeakageCurve, falling_steps
 from .power_law import FIT_TOLERANCE, PowerLaw, fit_power_law, fit_power_laws, integrate_power
 from .results import Results
@@ -141,7 +141,9 @@ def sealing_indices(
     if isinstance(nominal_diameter, str):
         nominal_diameter = to_si(nominal_diameter, "m", "nominal_diameter")
     names = tuple(classes)
-    limits = class_limits(results.dataset, leak_classes(names) if names else (), nominal_diameter)
+    limits = class_limits(
+        results.dataset, find_leak_classes(names) if names else (), nominal_diameter
+    )
     return indices_of_limits(results, limits, tolerance)
 
 

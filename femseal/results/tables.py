@@ -12,7 +12,13 @@ import numpy as np
 from ..base import TextTable, counted, rows_of, to_text
 from ..base.fields import Field, with_unit
 from ..base.leak_units import USUAL_UNITS
-from .leakage_format import class_unit, format_interval, format_leakage, format_scatter, leakage_of
+from .leakage_format import (
+    class_unit,
+    format_interval,
+    format_leakage,
+    format_scatter,
+    leakage_label,
+)
 from .load_steps import branch_text, cycle_text, load_format
 from .pixel_fields import stored_steps
 from .results import Results
@@ -129,7 +135,7 @@ def leakage_table(run: Results) -> TextTable:
         columns.append((f"test fluid [{test_unit.name}]", texts))
     if "leak_class" in data.coords:
         columns.append(("class", run.classes))
-    title = f"{leakage_of(run)} in {unit.name}"
+    title = f"{leakage_label(run)} in {unit.name}"
     columns = [(heading, _with_open_steps(run, texts)) for heading, texts in columns]
     return TextTable.of_columns(title, columns, grouped=True, wrap=_HEADING_WIDTH)
 

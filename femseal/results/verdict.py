@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base.leak_classes import leak_classes, within
+from ..base.leak_classes import find_leak_classes, within
 from .load_steps import load_names
 from .measures import narrowed_by
 from .needed_pressure import LeakageCurve, NeededPressure
@@ -141,7 +141,7 @@ def _verdict(results: Results, curve: LeakageCurve, name: str, limit: float) -> 
     met_with_interval = None
     if curve.has_interval:
         met_with_interval = bool(within(curve.upper, limit)[assembly_step])
-    (leak_class,) = leak_classes([name])
+    (leak_class,) = find_leak_classes([name])
     is_unknown = np.isinf(curve.leakage[assembly_step])
     step_names = load_names(results.dataset)
     return Verdict(

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from math import inf, isfinite, log, log1p, nan
 
 from ..base import format_deviation, to_text
-from ..base.leak_classes import leak_classes
+from ..base.leak_classes import find_leak_classes
 from ..base.leak_units import LEAK_UNITS, LeakUnit
 from .attempts import half_width_text
 from .leakage_format import format_interval, format_leakage, format_upper_end
@@ -56,7 +56,7 @@ def verdict_paragraphs(
         verdicts = verdicts_of(results)
     answer = _Answer(results)
     paragraphs = [answer.about_class(verdict, len(verdicts)) for verdict in verdicts]
-    classes = leak_classes([verdict.name for verdict in verdicts])
+    classes = find_leak_classes([verdict.name for verdict in verdicts])
     # if a class limits the leakage of the whole seal, the paragraph on this class already states it
     if all(LEAK_UNITS[leak_class.unit].per_length for leak_class in classes):
         paragraphs.append(answer.about_leakage(with_cycle=not verdicts))
@@ -169,7 +169,7 @@ class _Answer:
         sentences = verdict_sentences(verdict, self.load_text, whole=is_described)
         if verdict.unknown or not is_described:
             return sentences
-        (leak_class,) = leak_classes([verdict.name])
+        (leak_class,) = find_leak_classes([verdict.name])
         unit = LEAK_UNITS[leak_class.unit]
         leakage = f"Leakage there: {self.assembly_leakage(unit)}"
         if not verdict.is_own_limit:

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from math import inf
 
 from ..base import TextTable
-from ..base.leak_classes import leak_classes
+from ..base.leak_classes import find_leak_classes
 from ..base.leak_units import LEAK_UNITS
 from .leakage_format import format_leakage
 from .load_steps import load_format
@@ -109,7 +109,7 @@ def verdict_table(
 
 def limit_texts(results: Results, verdicts: Sequence[Verdict]) -> list[str]:
     """Return the limit of each verdict as text, in the unit of its class."""
-    classes = leak_classes([verdict.name for verdict in verdicts])
+    classes = find_leak_classes([verdict.name for verdict in verdicts])
     texts = []
     for verdict, leak_class in zip(verdicts, classes, strict=True):
         unit = LEAK_UNITS[leak_class.unit]

@@ -9,7 +9,7 @@ from small_cases import STRIP, steel_scene
 
 import femseal as fs
 from femseal.base import InputError
-from femseal.base.leak_classes import LEAK_CLASSES, leak_classes, within
+from femseal.base.leak_classes import LEAK_CLASSES, find_leak_classes, within
 from femseal.base.leak_units import LEAK_UNITS
 from femseal.case import parse_case
 from femseal.fluids import leak_basis
@@ -80,7 +80,7 @@ def test_limits_of_fci_70_2_agree_with_its_tables():
     ],
 )
 def test_classes_without_the_quantities_that_they_need_are_refused(written, fluid, diameter, said):
-    (one,) = leak_classes([written])
+    (one,) = find_leak_classes([written])
     with pytest.raises(InputError, match=said):
         one.limit(leak_basis(fluid, 0.5), diameter)
 
@@ -111,7 +111,7 @@ def test_limits_of_iso_15848_1_are_per_circumference_of_the_stem():
     ],
 )
 def test_classes_are_found_by_their_usual_spellings(written, names):
-    assert [one.name for one in leak_classes([written])] == names
+    assert [one.name for one in find_leak_classes([written])] == names
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_classes_are_found_by_their_usual_spellings(written, names):
 )
 def test_unknown_names_of_classes_are_refused(written):
     with pytest.raises(InputError, match=r"classes: given .*TA Luft"):
-        leak_classes([written])
+        find_leak_classes([written])
 
 
 def test_multipliers_of_the_limits_agree_with_the_standards():

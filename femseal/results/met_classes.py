@@ -13,7 +13,7 @@ import numpy as np
 
 from ..base import Array, to_text
 from ..base.fields import LEAK_CLASS
-from ..base.leak_classes import USUAL_CLASSES, LeakClass, leak_classes, within
+from ..base.leak_classes import USUAL_CLASSES, LeakClass, find_leak_classes, within
 from .best_leakage import (
     best_budget,
     class_basis_of,
@@ -88,7 +88,9 @@ def class_limits(
     """
     if not classes:
         has_classes = "leak_class" in data.coords
-        classes = leak_classes(data["leak_class"].values.tolist() if has_classes else USUAL_CLASSES)
+        classes = find_leak_classes(
+            data["leak_class"].values.tolist() if has_classes else USUAL_CLASSES
+        )
     diameter = diameter or data.attrs.get("nominal_diameter_m")
     basis = class_basis_of(data)
     return {leak_class.name: leak_class.limit(basis, diameter) for leak_class in classes}
@@ -169,7 +171,7 @@ def tightest_classes(data: xarray.Dataset) -> list[str]:
     """
     if "leak_class" not in data.coords:
         return []
-    classes = leak_classes(data["leak_class"].values.tolist())
+    classes = find_leak_classes(data["leak_class"].values.tolist())
     # in this order, a tighter class comes after a wider class
     largest_limit_first = np.argsort(data["class_limit"].values, kind="stable")[::-1]
     met_by_step = data["class_met"].values.T  # (step, leak_class)
