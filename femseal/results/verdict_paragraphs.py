@@ -54,14 +54,14 @@ def verdict_paragraphs(
     """
     if verdicts is None:
         verdicts = verdicts_of(results)
-    answer = _Answer(results)
-    paragraphs = [answer.about_class(verdict, len(verdicts)) for verdict in verdicts]
+    writer = _ParagraphWriter(results)
+    paragraphs = [writer.about_class(verdict, len(verdicts)) for verdict in verdicts]
     classes = find_leak_classes([verdict.name for verdict in verdicts])
     # if a class limits the leakage of the whole seal, the paragraph on this class already states it
     if all(LEAK_UNITS[leak_class.unit].per_length for leak_class in classes):
-        paragraphs.append(answer.about_leakage(with_cycle=not verdicts))
-    paragraphs.append(answer.about_service())
-    paragraphs.append(answer.about_measures(verdicts))
+        paragraphs.append(writer.about_leakage(with_cycle=not verdicts))
+    paragraphs.append(writer.about_service())
+    paragraphs.append(writer.about_measures(verdicts))
     paragraphs.append(_about_accuracy(results))
     paragraphs.append(_hints(results, verdicts))
     return [paragraph for paragraph in paragraphs if paragraph]
@@ -85,7 +85,7 @@ def verdict_lines(results: Results, verdicts: Sequence[Verdict] | None = None) -
     return [" ".join(paragraph) for paragraph in verdict_paragraphs(results, verdicts)]
 
 
-class _Answer:
+class _ParagraphWriter:
     """Write the sentences about a run, based on its leakage curve and its assembly load."""
 
     def __init__(self, results: Results) -> None:

@@ -10,14 +10,14 @@ from scipy.sparse.csgraph import connected_components
 from skfem import Mesh
 
 from ..base import Indices, InputError, to_text
-from .mesh_overlaps import first_overlap
+from .mesh_overlaps import first_overlap_at_boundary
 from .plane import polygon_areas
 
 
 def check_elements(mesh: Mesh) -> None:
     """Raise InputError if nodes are not finite, or if elements are degenerate, tangled or overlapping."""
     _check_element_shapes(mesh)
-    overlapping = _overlapping_neighbours(mesh) or first_overlap(mesh)
+    overlapping = _overlapping_neighbours(mesh) or first_overlap_at_boundary(mesh)
     if overlapping:
         given = f"a mesh whose elements {' and '.join(map(str, overlapping))} overlap"
         raise InputError("path", given, "elements that do not overlap")

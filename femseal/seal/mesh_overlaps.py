@@ -24,7 +24,7 @@ _ELEMENTS_AT_ONCE = 2**12
 _PAIRS_AT_ONCE = 2**15
 
 
-def first_overlap(mesh: Mesh) -> tuple[int, ...]:
+def first_overlap_at_boundary(mesh: Mesh) -> tuple[int, ...]:
     """Find an element at the boundary of the mesh that overlaps another element.
 
     Parameters

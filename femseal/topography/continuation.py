@@ -18,7 +18,7 @@ from ..base import InputError, Periodic, Shape, to_text, validate
 from .generate import period_counts, random_waves
 from .grid_choice import resolved_wave, resolving_shape
 from .patches import Surface
-from .power_spectrum import PowerLaw, spectrum
+from .power_spectrum import SpectralPowerLaw, spectrum
 from .topography import Topography
 
 
@@ -28,7 +28,7 @@ class Continuation:
 
     Parameters
     ----------
-    law : PowerLaw
+    law : SpectralPowerLaw
         Power law of the measured spectrum.
     longest, cut_off : float
         Longest and shortest wavelength [m] of the added waves.
@@ -40,7 +40,7 @@ class Continuation:
         Seed of the phases.
     """
 
-    law: PowerLaw
+    law: SpectralPowerLaw
     longest: float
     cut_off: float
     rms_slope: float

@@ -64,7 +64,7 @@ _FLATTENING = 3.0
 
 
 @dataclass(frozen=True)
-class PowerLaw:
+class SpectralPowerLaw:
     """Describe a power law of the spectral density, C = density · (q/q₀)^(−2−2H) with q₀ = 2π/longest.
 
     Parameters
@@ -100,7 +100,7 @@ class PowerLaw:
 
 
 #: Stands for a power law where there is none.
-NO_LAW = PowerLaw(nan, nan, nan, nan, nan, nan)
+NO_LAW = SpectralPowerLaw(nan, nan, nan, nan, nan, nan)
 
 
 @dataclass(frozen=True)
@@ -113,13 +113,13 @@ class Spectrum:
         Shortest measured wave [m], see `spectrum`.
     noise : float
         Rms height [m] of the white noise in the map.
-    law : PowerLaw, optional
+    law : SpectralPowerLaw, optional
         Power law of the spectrum; None if the spectrum does not follow a power law.
     """
 
     shortest_wave: float
     noise: float
-    law: PowerLaw | None
+    law: SpectralPowerLaw | None
 
 
 def spectrum(topography: Surface) -> Spectrum:
@@ -262,7 +262,7 @@ def _average_in_bins(q: NDArray, density: NDArray, floor: float, topography: Top
     return _Bins(x, y, relative_variance / log(10) ** 2)
 
 
-def _fit(bins: _Bins) -> PowerLaw | None:
+def _fit(bins: _Bins) -> SpectralPowerLaw | None:
     """Fit the power law whose exponent has the smallest standard error; return None if no power law is valid.
 
     A power law without a plateau is fitted to every range of successive bins. A power law with a plateau is fitted to
@@ -278,19 +278,19 @@ def _fit(bins: _Bins) -> PowerLaw | None:
     bent = [_fit_behind_plateau(bins.part(0, last)) for last in range(_LEAST_BINS, bins.x.size)]
     laws = [law for law in straight + bent if law is not None]
 
-    def rank(law: PowerLaw) -> float:
+    def rank(law: SpectralPowerLaw) -> float:
         has_plateau = not isnan(law.roll_off)
         return law.hurst_error / _PREFER_PLATEAU if has_plateau else law.hurst_error
 
     return min(laws, key=rank, default=None)
 
 
-def _fit_straight(bins: _Bins) -> PowerLaw | None:
+def _fit_straight(bins: _Bins) -> SpectralPowerLaw | None:
     """Fit a power law to all bins; return None if the fit is not valid."""
     return _fit_from(bins, float(bins.x[0]), has_plateau=False)
 
 
-def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
+def _fit_behind_plateau(bins: _Bins) -> SpectralPowerLaw | None:
     """Fit a plateau followed by a power law to all bins; return None if the fit is not valid.
 
     The end of the plateau is chosen so that the weighted sum of the squared deviations of all bins from the fit is
@@ -314,7 +314,7 @@ def _fit_behind_plateau(bins: _Bins) -> PowerLaw | None:
     return _fit_from(bins, float(bends[np.argmax(reduction)]), has_plateau=True)
 
 
-def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None:
+def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> SpectralPowerLaw | None:
     """Fit y = level + slope · max(x − bend, 0) to the bins by least squares; return None if the fit is not valid.
 
     Here x and y are log10 of wave number and spectral density, `level` and `slope` are unknown, and `bend` is given:
@@ -343,7 +343,7 @@ def _fit_from(bins: _Bins, bend: float, *, has_plateau: bool) -> PowerLaw | None
     covariance = np.linalg.inv((design * weight) @ design.T)
     slope_variance = covariance[1, 1]
     longest = 2 * pi / 10**bend
-    return PowerLaw(
+    return SpectralPowerLaw(
         hurst=float(hurst),
         hurst_error=float(_ERROR / 2 * excess * sqrt(slope_variance)),  # dH = −d(slope)/2
         longest=longest,

@@ -7,7 +7,7 @@ import pytest
 from skfem import MeshQuad, MeshTri
 
 from femseal.seal import mesh_overlaps
-from femseal.seal.mesh_overlaps import first_overlap
+from femseal.seal.mesh_overlaps import first_overlap_at_boundary
 
 
 def overlap_of_all_pairs(mesh):
@@ -61,7 +61,7 @@ def test_the_same_elements_overlap_as_by_comparison_of_all_pairs(kind, scale, mo
         mesh = two_parts(rng, kind)
         mesh = kind(scale * mesh.p, mesh.t)
         expected = overlap_of_all_pairs(mesh)
-        assert first_overlap(mesh) == expected
+        assert first_overlap_at_boundary(mesh) == expected
         overlapping += bool(expected)
     assert 10 < overlapping < 30
 
@@ -71,6 +71,6 @@ def test_a_large_element_over_many_small_ones_is_found():
     corners = np.array([[0.0, 10.0, 0.0], [0.0, 0.0, 10.0]])
     last = small.nvertices + np.arange(3)[:, None]
     mesh = MeshTri(np.hstack([small.p, corners]), np.hstack([small.t, last]))
-    first, second = first_overlap(mesh)
+    first, second = first_overlap_at_boundary(mesh)
     assert second == small.nelements
     assert first == np.unique(mesh.f2t[0, mesh.boundary_facets()])[0]
