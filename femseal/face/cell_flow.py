@@ -142,13 +142,13 @@ class CellPermeabilities:
     ----------
     k : array, (pressures,)
         Permeability at each fluid pressure [m³].
-    counts : SolveCounts
+    solve_counts : SolveCounts
         Number of linear systems that were solved for all fluid pressures. The cell itself is counted only once as open
         or closed.
     """
 
     k: Array
-    counts: SolveCounts
+    solve_counts: SolveCounts
 
 
 def cell_permeabilities(
@@ -206,14 +206,14 @@ class FaceFlow:
     permeability : float
         Permeability k [m³]: the mass flow rate per width is k Δφ/L1, with the drop Δφ of the viscous pressure potential
         over the length L1 of the surface.
-    counts : SolveCounts
+    solve_counts : SolveCounts
         Number of linear systems that each solver solved.
     potential : array, (n1, n2)
         Potential, scaled to 1 at the inlet and 0 at the outlet; NaN in contact and in pockets.
     """
 
     permeability: float
-    counts: SolveCounts
+    solve_counts: SolveCounts
     potential: Floats
 
 
@@ -251,7 +251,7 @@ def solve_surface_flow(
         widths = [part.shape[1] for part in parts]
         value = float(np.average([flow.permeability for flow in flows], weights=widths))
         potential = np.concatenate([flow.potential for flow in flows], axis=1)
-        return FaceFlow(value, SolveCounts.total(flow.counts for flow in flows), potential)
+        return FaceFlow(value, SolveCounts.total(flow.solve_counts for flow in flows), potential)
     counts = SolveCounts()
 
     def solve(gap: Array) -> tuple[float, Array, Permeability]:

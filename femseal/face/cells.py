@@ -37,7 +37,7 @@ class CellState:
         Fraction of the total dissipation that occurs in each cell; NaN if there is no flow.
     row_pressure : array, (n1,)
         Mean contact pressure of each row of points [Pa].
-    counts : SolveCounts
+    solve_counts : SolveCounts
         Numbers of linear systems that were solved, of open cells and of closed cells.
     failures : tuple of str
         Messages of the solvers whose failure left NaN in `k`.
@@ -63,7 +63,7 @@ class CellState:
     plastic_fraction: Array
     drop_fraction: Array
     row_pressure: Array
-    counts: SolveCounts
+    solve_counts: SolveCounts
     failures: tuple[str, ...] = ()
     surface_k1: float = np.nan
     surface_k2: float = np.nan
@@ -115,7 +115,7 @@ class CellState:
                     failures.append(f"cell {index}, x{axis + 1}: {solution.reason}")
                     continue
                 k[:, axis, *index] = solution.k
-                counts.append(solution.counts)
+                counts.append(solution.solve_counts)
         return cls(
             k=k,
             pressure=cut.means(pressure),
@@ -124,7 +124,7 @@ class CellState:
             plastic_fraction=cut.means(np.broadcast_to(plastic, gap.shape)),
             drop_fraction=cut.sums(np.broadcast_to(fractions, gap.shape)),
             row_pressure=pressure.mean(axis=1, dtype=float),
-            counts=SolveCounts.total(counts),
+            solve_counts=SolveCounts.total(counts),
             failures=tuple(failures),
         )
 

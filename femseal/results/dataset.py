@@ -376,7 +376,7 @@ def _solver_attributes(
     warnings : warnings about the case.
     """
     solvers = {
-        key: vars(study.solvers) | {"systems": dict(study.solvers.systems)}
+        key: vars(study.solve_counts) | {"systems": dict(study.solve_counts.systems)}
         for key, study in by_key.items()
     }
     # The warnings of a study concern the input and the leakage that the study computed. The leakage of the last study

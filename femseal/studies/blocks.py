@@ -62,7 +62,7 @@ class BlocksResult(SurfaceResult):
     ----------
     leakage : array
         Leakage per unit seal length [m²/s] at each load step; NaN where the flow solver failed.
-    counts : SolveCounts
+    block_solve_counts : SolveCounts
         Number of linear systems that each solver solved for the cells, in all contact states of the blocks.
     patch_state : PatchState
         Contact states of the whole surface, which determine the width of the 95 % interval.
@@ -87,7 +87,7 @@ class BlocksResult(SurfaceResult):
     )
     pressure: Array = declared("cell_pressure", "Pa", "contact pressure of cells", CELL)
     mean_gap: Array = declared("cell_mean_gap", "m", "mean gap of cells", CELL)
-    counts: SolveCounts = field(default_factory=SolveCounts, repr=False)
+    block_solve_counts: SolveCounts = field(default_factory=SolveCounts, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     patch_state: PatchState | None = field(default=None, repr=False)
@@ -107,9 +107,9 @@ class BlocksResult(SurfaceResult):
         return open_leakage_of_state(self.patch_state, len(self.steps))
 
     @property
-    def solvers(self) -> SolveCounts:
+    def solve_counts(self) -> SolveCounts:
         """Number of linear systems that each solver solved."""
-        return self.counts
+        return self.block_solve_counts
 
     @property
     def cells(self) -> BlocksResult:
@@ -198,7 +198,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
         k2=k2,
         pressure=pressure,
         mean_gap=mean_gap,
-        counts=SolveCounts.total(block.counts for block in solved_blocks),
+        block_solve_counts=SolveCounts.total(block.solve_counts for block in solved_blocks),
         failures=tuple(
             f"{scene.steps[s].name}: {failure_of_step[s]}" for s in sorted(failure_of_step)
         ),
@@ -301,14 +301,14 @@ class _SolvedBlock:
     ----------
     k : array (fluid pressures, 2, steps, cells), m³
         Permeabilities of the cells along x1 and x2.
-    counts : SolveCounts
+    solve_counts : SolveCounts
         Number of linear systems that each solver solved for the cells.
     state : PatchState
         Contact states of the block.
     """
 
     k: Array
-    counts: SolveCounts
+    solve_counts: SolveCounts
     state: PatchState
 
 
@@ -334,7 +334,7 @@ def _solve_block_cells(block_and_pressure: tuple[Scene, Array]) -> _SolvedBlock:
     mean_pressure = paths.mean(axis=1)
     unknown = np.full(len(steps), np.nan)  # the open leakage is computed for the whole surface
     state = PatchState.of(steps, cells, mean_pressure, unknown)
-    return _SolvedBlock(k, cells.counts, state)
+    return _SolvedBlock(k, cells.solve_counts, state)
 
 
 def _surface_state(scene: Scene, blocks: list[PatchState], gap: Array) -> PatchState:

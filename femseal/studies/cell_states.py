@@ -48,7 +48,7 @@ class FaceCells:
         Mean contact pressure of each row of points.
     patches : PatchLeakage, optional
         Leakage of each measured patch; None if there is only one patch.
-    counts : SolveCounts
+    solve_counts : SolveCounts
         Number of linear systems that each solver solved for the flow through the cells.
     pressure, mean_gap, contact_fraction, plastic_fraction : array (steps, m1, m2)
         Contact pressure [Pa], gap [m], contact fraction and fraction of points at the hardness, averaged over each
@@ -79,7 +79,7 @@ class FaceCells:
     k: Array
     row_pressure: Array
     patches: PatchLeakage | None
-    counts: SolveCounts
+    solve_counts: SolveCounts
     edge_distance: Array
     pressure: Array = declared("cell_pressure", "Pa", "contact pressure of cells", CELL)
     mean_gap: Array = declared("cell_mean_gap", "m", "mean gap of cells", CELL)
@@ -299,7 +299,7 @@ def join_states(
         cells_leakage=cells_leakage,
         cells_k2=cells_k2,
         patches=patches,
-        counts=SolveCounts.total(state.counts for state in states),
+        solve_counts=SolveCounts.total(state.solve_counts for state in states),
         failures=tuple(failures),
         unsolved=tuple(
             (s, state.flow_failure) for s, state in enumerate(states) if state.flow_failure

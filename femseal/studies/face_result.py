@@ -40,7 +40,7 @@ class FaceState:
         Part of the nominal pressure that the fluid carries.
     permeability : float, m³
         Permeability of the surface along x1, NaN if the flow solver failed.
-    counts : SolveCounts
+    solve_counts : SolveCounts
         Number of linear systems that each solver solved.
     flow_failure : str
         Reason why the flow solver failed; "" if the flow was solved.
@@ -61,7 +61,7 @@ class FaceState:
     residual: float
     carried: float
     permeability: float
-    counts: SolveCounts
+    solve_counts: SolveCounts
     flow_failure: str = ""
     edge_distance: float = np.nan
 
@@ -90,7 +90,7 @@ class FaceState:
             residual=contact.residual,
             carried=carried,
             permeability=solution.permeability,
-            counts=getattr(solution, "counts", SolveCounts()),
+            solve_counts=getattr(solution, "solve_counts", SolveCounts()),
             flow_failure=getattr(solution, "reason", ""),
             edge_distance=coating_edge_distance(contact),
         )
@@ -153,7 +153,7 @@ class FaceResult(SurfaceResult):
         One sentence for each result that is not plausible.
     quick_estimate : QuickEstimate, optional
         Leakage estimated from the spectrum of the surface; None if the estimate is not valid for this surface.
-    face_solvers : SolveCounts
+    face_solve_counts : SolveCounts
         Number of linear systems that each solver solved for the flow through the whole surface.
     """
 
@@ -201,15 +201,17 @@ class FaceResult(SurfaceResult):
     residual: float = 0.0
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    face_solvers: SolveCounts = field(default_factory=SolveCounts)
+    face_solve_counts: SolveCounts = field(default_factory=SolveCounts)
     quick_estimate: QuickEstimate | None = field(default=None, repr=False)
 
     patch_state: ClassVar[None] = None
 
     @property
-    def solvers(self) -> SolveCounts:
+    def solve_counts(self) -> SolveCounts:
         """Number of linear systems that each solver solved, for the surface and its cells."""
-        return self.face_solvers if self.cells is None else self.face_solvers + self.cells.counts
+        if self.cells is None:
+            return self.face_solve_counts
+        return self.face_solve_counts + self.cells.solve_counts
 
     @property
     def method(self) -> str:

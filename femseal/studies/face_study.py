@@ -127,7 +127,7 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
             for step, state in steps_and_states
             if state.flow_failure
         ),
-        face_solvers=SolveCounts.total(state.counts for state in states),
+        face_solve_counts=SolveCounts.total(state.solve_counts for state in states),
     )
 
 

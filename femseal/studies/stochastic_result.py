@@ -69,7 +69,7 @@ class StochasticResult(Shown):
         One sentence for each result that is not plausible.
     quick_estimate : QuickEstimate, optional
         Leakage estimated from the spectrum of the surface; None if the estimate is not valid for this surface.
-    solvers : SolveCounts
+    solve_counts : SolveCounts
         Number of linear systems that each solver solved, for cells and seals.
     """
 
@@ -98,7 +98,7 @@ class StochasticResult(Shown):
     median_seal: MedianSeal | None = field(default=None, repr=False)
     failures: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
-    solvers: SolveCounts = field(default_factory=SolveCounts)
+    solve_counts: SolveCounts = field(default_factory=SolveCounts)
     kind: str = field(default="at random", repr=False)
     patch_state: PatchState | None = field(default=None, repr=False)
     quick_estimate: QuickEstimate | None = field(default=None, repr=False)

@@ -119,7 +119,7 @@ def stochastic(
     warnings = _result_warnings(supply, leakage, tile_gap, estimate, contact, row_fields)
     # the separated fraction decreases with the pressure, as `over_tiles` requires
     separated_fraction = 1 - face_cells.contact_fraction.mean(axis=(1, 2))
-    counts = [face_cells.counts, *(realisation.counts for realisation in realisations)]
+    counts = [face_cells.solve_counts, *(realisation.solve_counts for realisation in realisations)]
     return StochasticResult(
         steps=scene.steps,
         tiles=tiles,
@@ -135,7 +135,7 @@ def stochastic(
         quick_estimate=estimate,
         mean_gap=tile_gap,
         warnings=(*warnings, *tiles.warnings, *map_warnings),
-        solvers=SolveCounts.total(counts),
+        solve_counts=SolveCounts.total(counts),
     )
 
 
@@ -145,7 +145,7 @@ class _Realisation:
 
     leakage: Array
     failures: list[str]
-    counts: SolveCounts
+    solve_counts: SolveCounts
 
 
 def _solve_realisations(

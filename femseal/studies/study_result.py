@@ -79,7 +79,7 @@ class StudyResult(Protocol):
         ...
 
     @property
-    def solvers(self) -> SolveCounts:
+    def solve_counts(self) -> SolveCounts:
         """Number of linear systems that each solver solved."""
         ...
 
@@ -147,7 +147,7 @@ class SurfaceResult(Shown):
         return np.full(len(self.steps), np.nan)
 
     @property
-    def solvers(self) -> SolveCounts:
+    def solve_counts(self) -> SolveCounts:
         """Number of linear systems that each solver solved; by default none."""
         # imported here, because a case is read without the solvers
         from ..face.cell_flow import SolveCounts

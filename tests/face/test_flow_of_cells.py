@@ -37,7 +37,7 @@ def test_a_cell_has_the_flow_of_its_gap(shape, axis):
             found = permeability(gap, spacing, axis)
             exact = cell_permeability(gap, spacing, axis=axis, solver="elimination")
             assert_allclose(found.k, exact.value, rtol=1e-6)
-            counts = found.counts
+            counts = found.solve_counts
             assert (counts.closed, counts.solved) == (not exact.percolates, exact.percolates)
 
 

@@ -275,9 +275,9 @@ def test_the_scene_chooses_the_solver(rough, rough_two_scale, solver):
     chosen = replace(rough, solver=solver, loading=(1e8,), unload_from=(), unloading=())
     whole, cells = deterministic(chosen), two_scale(chosen, (4, 6))
     drawn = stochastic(chosen, (4, 6), replace(SAMPLING, breadth=192e-6, realisations=2))
-    for counts in (whole.solvers, cells.solvers, drawn.cells.counts):
+    for counts in (whole.solve_counts, cells.solve_counts, drawn.cells.solve_counts):
         assert {name for name, _ in counts.systems} == {solver}
-    assert {name for name, _ in drawn.solvers.systems} == {solver}
+    assert {name for name, _ in drawn.solve_counts.systems} == {solver}
     assert_allclose(cells.leakage, rough_two_scale.leakage[:1], rtol=1e-4)
     assert_allclose(cells.k2, rough_two_scale.k2[:1], rtol=1e-3, atol=1e-30)
     with pytest.raises(InputError, match="solver"):

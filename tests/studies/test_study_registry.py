@@ -93,7 +93,7 @@ def test_a_study_is_one_class_and_one_entry(monkeypatch):
     assert dict(STUDIES["uniform-gap"].description(at_one_load, StudyOptions())) == {
         "uniform-gap": "1 load step"
     }
-    assert result.solvers == SolveCounts()
+    assert result.solve_counts == SolveCounts()
     # cells without declared fields add nothing
     monkeypatch.setattr(UniformGapResult, "cells", SolveCounts())
     assert set(assemble(scene, result, whole).dataset) == set(results.dataset)
