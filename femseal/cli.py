@@ -101,10 +101,10 @@ def check(path: CasePath) -> None:
             typer.echo(stage, err=True)
 
     with reporting_compilation(report_begin):
-        prepared = prepare(case)
-        for line in describe(case, prepared):
+        study_input = prepare(case)
+        for line in describe(case, study_input):
             typer.echo(line)
-        refuse_too_large(case, prepared)
+        refuse_too_large(case, study_input)
 
 
 @app.command()

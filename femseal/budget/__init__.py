@@ -1,8 +1,8 @@
 """Estimate the error of a leakage, source by source: solver, pixels, filter, realisations, measured patch and model.
 
 `sources.py` lists all error sources, both for a run and for the forecast of its cost. Each error source names the
-modified versions of the input (`prepared.py`) that must be solved (`versions.py`), and estimates its error from their
-leakages, which `evaluation.py` solves. `budgets.py` makes one error budget for the leakage of each study, and
+modified versions of the input (`study_input.py`) that must be solved (`versions.py`), and estimates its error from
+their leakages, which `evaluation.py` solves. `budgets.py` makes one error budget for the leakage of each study, and
 `error_parts.py` combines all error sources into one interval.
 
 `estimates.py`, `pixel_size.py`, `missing_waves.py` and `patch_errors.py` estimate the numerical errors and the error of

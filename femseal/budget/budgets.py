@@ -10,11 +10,11 @@ from ..studies import StudyResult
 from .error_parts import ErrorBudget
 from .estimates import NumericalErrors
 from .evaluation import BudgetRequest, Evaluation
-from .prepared import Prepared
 from .sources import SOURCES
+from .study_input import StudyInput
 
 
-def versions_of_budget(request: BudgetRequest) -> list[Prepared]:
+def versions_of_budget(request: BudgetRequest) -> list[StudyInput]:
     """List all versions of the input that an error budget may solve in addition to the run."""
     wanted = [source for source in SOURCES if source.is_wanted(request)]
     versions = [version for source in wanted for version in source.versions(request)]

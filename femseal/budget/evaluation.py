@@ -13,7 +13,7 @@ from ..materials import HARDNESS_FACTOR
 from ..studies import StudyResult, study_of_result
 from .changed_models import ModelChange, model_changes
 from .leakage_changes import CoarserSolution
-from .prepared import Prepared
+from .study_input import StudyInput
 from .versions import (
     VersionLeakage,
     coarser_grid,
@@ -31,8 +31,8 @@ class ChangedInput(NamedTuple):
     """
 
     change: ModelChange
-    version: Prepared
-    opposite_version: Prepared | None
+    version: StudyInput
+    opposite_version: StudyInput | None
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class BudgetRequest:
 
     Parameters
     ----------
-    version : Prepared
+    version : StudyInput
         Input of the run.
     model_parts : names of the error sources of the model that the budget is to contain.
     hardness : float
@@ -51,29 +51,29 @@ class BudgetRequest:
     form_effect : effect of the form deviation of a measured patch on the leakage; None if the effect was not computed.
     """
 
-    version: Prepared
+    version: StudyInput
     model_parts: Sequence[str] = ()
     hardness: float = 0.1
     hardness_over_yield: float = HARDNESS_FACTOR
     form_effect: FormEffect | None = None
 
     @cached_property
-    def coarser(self) -> Prepared | None:
+    def coarser(self) -> StudyInput | None:
         """Version of the input with fewer points; None if the cells have too few pixels for a coarser grid."""
         return coarser_grid(self.version)
 
     @cached_property
-    def smoother(self) -> Prepared | None:
+    def smoother(self) -> StudyInput | None:
         """Version of the input without the shortest octave of waves; None if no waves were removed from the surface."""
         return without_filtered_waves(self.version)
 
     @property
-    def grid(self) -> Prepared:
+    def grid(self) -> StudyInput:
         """Unchanged input, on the grid that is used for the changes of the model."""
         return self.coarser or self.version
 
     @cached_property
-    def continued(self) -> list[Prepared]:
+    def continued(self) -> list[StudyInput]:
         """Versions of the input that show the error of extrapolating the spectrum, see `continued_versions`."""
         return continued_versions(self.grid)
 
@@ -98,9 +98,9 @@ class Evaluation:
         self.request = request
         self.mapper = mapper
         # each solved version, with its leakages by the key of the study
-        self._solved: list[tuple[Prepared, dict[str, VersionLeakage]]] = []
+        self._solved: list[tuple[StudyInput, dict[str, VersionLeakage]]] = []
 
-    def solve(self, version: Prepared) -> dict[str, VersionLeakage]:
+    def solve(self, version: StudyInput) -> dict[str, VersionLeakage]:
         """Return the leakage from each study for a version of the input, by the key of the study."""
         for solved, leakages in self._solved:
             if solved is version:
@@ -109,7 +109,7 @@ class Evaluation:
         self._solved.append((version, leakages))
         return leakages
 
-    def on_grid(self, version: Prepared, result: StudyResult) -> CoarserSolution | None:
+    def on_grid(self, version: StudyInput, result: StudyResult) -> CoarserSolution | None:
         """Compare the leakages of a changed and the unchanged version of the input on equal grids.
 
         The result is None if the study failed for the changed or for the unchanged version.

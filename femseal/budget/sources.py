@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from .error_parts import ErrorBudget, ErrorPart
     from .estimates import NumericalErrors
     from .evaluation import BudgetRequest, Evaluation
-    from .prepared import Prepared
+    from .study_input import StudyInput
 
 #: Function that estimates the error of one error source for the result of a study. The `ErrorBudget` contains the error
 #: sources that come before it in `SOURCES`.
 Parts = Callable[["Evaluation", "StudyResult", "ErrorBudget"], Sequence["ErrorPart | None"]]
 
 
-def _no_versions(request: BudgetRequest) -> list[Prepared | None]:
+def _no_versions(request: BudgetRequest) -> list[StudyInput | None]:
     """Return an empty list, for an error source that needs no further solution."""
     return []
 
@@ -59,7 +59,7 @@ class ErrorSource:
     name: str
     parts: Parts
     remedy: str
-    versions: Callable[[BudgetRequest], Sequence[Prepared | None]] = _no_versions
+    versions: Callable[[BudgetRequest], Sequence[StudyInput | None]] = _no_versions
     of_model: bool = True
 
     def is_wanted(self, request: BudgetRequest) -> bool:
@@ -238,9 +238,9 @@ def _slope_ratio_beyond(surface: Surface, continuation: Continuation, scene: Sce
     return surface.rms_slope / hypot(surface.rms_slope, sqrt(square_slope_beyond))
 
 
-def _changed_versions(request: BudgetRequest, name: str) -> list[Prepared | None]:
+def _changed_versions(request: BudgetRequest, name: str) -> list[StudyInput | None]:
     """List the versions of the input with a changed model that an error source needs."""
-    versions: list[Prepared | None] = []
+    versions: list[StudyInput | None] = []
     for changed in request.changes:
         if changed.change.name == name:
             versions += [changed.version, changed.opposite_version]

@@ -18,7 +18,7 @@ from ..studies import Study, StudyResult, study_of_result
 from ..studies.sampling import FEWEST_BY_DEFAULT
 from ..topography import Surface
 from .leakage_changes import CoarserSolution
-from .prepared import Prepared
+from .study_input import StudyInput
 
 #: Ratio of the numbers of points along each side of the coarser grid and of the original one.
 COARSENING = 0.5
@@ -65,14 +65,14 @@ def solved_study(study: Study) -> Study:
     return study.contained or study
 
 
-def coarser_grid(version: Prepared) -> Prepared | None:
+def coarser_grid(version: StudyInput) -> StudyInput | None:
     """Make the version with half the points along each axis; None if the grid cannot be made so coarse."""
     surface = version.scene.surface
     points = coarser_points(surface.shape, version.least_points, version.points_divide_by)
     return None if points is None else _reduced(version, surface.resample(points))
 
 
-def without_filtered_waves(version: Prepared) -> Prepared | None:
+def without_filtered_waves(version: StudyInput) -> StudyInput | None:
     """Make the version without the shortest octave of waves; None if no waves were removed from the surface."""
     if not _lacks_waves(version):
         return None
@@ -92,7 +92,7 @@ def without_filtered_waves(version: Prepared) -> Prepared | None:
     return _reduced(version, surface.low_pass(wave).resample((n1, n2)))
 
 
-def continued_versions(grid: Prepared) -> list[Prepared]:
+def continued_versions(grid: StudyInput) -> list[StudyInput]:
     """Make the versions that show the error of extrapolating the spectrum.
 
     In the first `OTHER_PHASES` versions, the extrapolated waves have other random phases. In the last version, the
@@ -114,7 +114,7 @@ def continued_versions(grid: Prepared) -> list[Prepared]:
     ]
 
 
-def kept_slope(version: Prepared) -> float:
+def kept_slope(version: StudyInput) -> float:
     """Return the rms slope of the surface, divided by its rms slope with the missing waves.
 
     The ratio is 1 if the missing waves have hardly any slope, see `LEAST_REMOVED`.
@@ -122,12 +122,12 @@ def kept_slope(version: Prepared) -> float:
     return version.conditioning.kept_slope if _lacks_waves(version) else 1.0
 
 
-def _lacks_waves(version: Prepared) -> bool:
+def _lacks_waves(version: StudyInput) -> bool:
     """Return whether the filter or the resolution of the instrument has noticeably reduced the rms slope."""
     return 1 - version.conditioning.kept_slope >= LEAST_REMOVED
 
 
-def _reduced(version: Prepared, surface: Surface) -> Prepared:
+def _reduced(version: StudyInput, surface: Surface) -> StudyInput:
     """Make the version with fewer realisations and a coarser surface, which is divided into the same cells.
 
     The realisations of the coarser version use the same cells in the same tiles as the first realisations of the run,
@@ -157,7 +157,7 @@ class VersionLeakage:
     realisations: int | None
 
 
-def solved_version(version: Prepared, mapper: Mapper) -> dict[str, VersionLeakage]:
+def solved_version(version: StudyInput, mapper: Mapper) -> dict[str, VersionLeakage]:
     """Solve the studies of a version, and return the leakage of each study that succeeded, by its key."""
     leakages: dict[str, VersionLeakage] = {}
     for study in version.solved_studies:
@@ -173,7 +173,7 @@ def solved_version(version: Prepared, mapper: Mapper) -> dict[str, VersionLeakag
 
 
 def compare_leakage(
-    result: StudyResult, version: Prepared, solved: Mapping[str, VersionLeakage]
+    result: StudyResult, version: StudyInput, solved: Mapping[str, VersionLeakage]
 ) -> CoarserSolution:
     """Compare the leakage of a coarser version of the input with that of the original input.
 

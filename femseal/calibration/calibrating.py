@@ -35,7 +35,7 @@ from ..base import (
     write_text,
 )
 from ..base.leak_units import LeakUnit
-from ..budget.prepared import Prepared
+from ..budget.study_input import StudyInput
 from ..case.case import Case
 from ..case.reading import load_case, read_case
 from ..execution.resuming import begin_run, remove_run, store_folder, writing_in
@@ -158,8 +158,8 @@ def calibrate(
     test = read_leak_test(Path(data), loaded)
     tested_case = test.of_case(loaded)
     given_ranges = {"hardness": hardness, "shortest_wave": shortest_wave, "factor": factor}
-    prepared = prepare(tested_case)
-    ranges = _ranges(tested_case, prepared, given_ranges)
+    study_input = prepare(tested_case)
+    ranges = _ranges(tested_case, study_input, given_ranges)
     _check_corners(tested_case, ranges)
     # `steps` are the load steps that are solved; `rows` is, for each row of the test, the index of its load in `steps`
     steps, rows = np.unique(test.rows_of(loaded), return_inverse=True)
@@ -174,7 +174,7 @@ def calibrate(
     # A case has no digest. The key of a stored simulation therefore contains all data on which its leakage depends.
     key = ("scenes", json.dumps(identity, default=str))
     simulate = partial(_simulate, tested_case, test.unit, steps)
-    memory = forecast(tested_case, prepared).memory
+    memory = forecast(tested_case, study_input).memory
     stage = Stage("scenes", simulate, memory, key=key)
     report_progress = progress or no_progress
     with ExitStack() as stack:
@@ -209,7 +209,7 @@ def calibrate(
     return calibration
 
 
-def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> Array:
+def _ranges(case: Case, study_input: StudyInput, given: dict[str, Range | None]) -> Array:
     """Return the ranges of hardness, shortest wave and factor in SI units, (3, 2).
 
     By default, a range extends from the value of the case divided by the factor in `WIDTHS` to the value times this
@@ -222,15 +222,15 @@ def _ranges(case: Case, prepared: Prepared, given: dict[str, Range | None]) -> A
         number.
     """
     hardness = _single_hardness(case)
-    surface = prepared.scene.surface
-    cells = prepared.cells or (1, 1)
+    surface = study_input.scene.surface
+    cells = study_input.cells or (1, 1)
     # a cell must contain two waves
     half_cell = min(side / (2 * count) for side, count in zip(surface.size, cells, strict=True))
     # no pressure may reach the hardness
-    highest_pressure = prepared.scene.steps.pressures.max()
+    highest_pressure = study_input.scene.steps.pressures.max()
     middles = {
         "hardness": hardness,
-        "shortest_wave": prepared.conditioning.shortest_wave,
+        "shortest_wave": study_input.conditioning.shortest_wave,
         "factor": 1.0,
     }
     # the factors 1.01 and 0.999 keep a distance from the limits, despite rounding errors

@@ -23,7 +23,7 @@ import numpy as np
 import scipy
 
 from ..base import Array
-from ..budget.prepared import Prepared
+from ..budget.study_input import StudyInput
 from ..case.case import Case
 from ..execution.run import Progress, Run, ordered_map
 from ..flow.law import law_of
@@ -243,15 +243,15 @@ def solved_variants(
     -------
     Variants
     """
-    prepared: Prepared = last_version(case, prepare(case), results.attempts)
+    study_input: StudyInput = last_version(case, prepare(case), results.attempts)
     if "realisation" in results.dataset.sizes:
-        prepared = prepared.with_realisations(results.dataset.sizes["realisation"])
+        study_input = study_input.with_realisations(results.dataset.sizes["realisation"])
     fluid_table = case.output.test_fluid or case.fluid
-    scene = fluid_table.state.in_scene(prepared.scene)
+    scene = fluid_table.state.in_scene(study_input.scene)
 
     def solve(changed: Scene, quantity: str) -> Seals:
         """Solve the seals for a modified scene; `quantity` names the modified quantity in the progress display."""
-        version = replace(prepared, scene=changed)
+        version = replace(study_input, scene=changed)
         with (
             ordered_map(workers, before=compile_ahead) as mapper,
             Run(mapper, progress).timed(f"another {quantity}") as timed_mapper,

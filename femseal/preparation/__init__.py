@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from ..base.lazy_package import lazy
 
 if TYPE_CHECKING:
-    from ..budget.prepared import Prepared
+    from ..budget.study_input import StudyInput
     from .preparation import prepare
 else:
     __getattr__, __dir__ = lazy(__name__)

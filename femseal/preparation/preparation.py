@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from ..base import InputError, to_text
-from ..budget.prepared import Prepared
+from ..budget.study_input import StudyInput
 from ..case.case import Case
 from ..case.table_types import unusual_values
 from ..checks import (
@@ -37,12 +37,12 @@ from .seal_input import add_forms_or_pressure_map, form_tolerance, lay_out_seal
 from .surface import condition_surface
 
 
-def prepare(case: Case) -> Prepared:
+def prepare(case: Case) -> StudyInput:
     """Prepare the input of the studies from a case.
 
     The function prepares the surface (see `condition_surface`), divides the surface into cells, and determines the size
     of the seal. Contact and flow are not solved by this function; checks that need contact and flow call
-    `Prepared.solve_form_effect` and `Prepared.estimate`.
+    `StudyInput.solve_form_effect` and `StudyInput.estimate`.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def prepare(case: Case) -> Prepared:
                 study.check(scene, StudyOptions(cells, sampling))
         surface_is_measured = is_measured(case, surface)
         longest_waves = representative(surface) if surface_is_measured else None
-        return Prepared(
+        return StudyInput(
             scene=scene,
             cells=cells,
             sampling=sampling,

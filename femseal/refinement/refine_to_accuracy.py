@@ -18,7 +18,7 @@ from ..base import (
     free_memory,
 )
 from ..budget import BudgetRequest, ErrorBudget, budgets_of, widest_interval
-from ..budget.prepared import Prepared
+from ..budget.study_input import StudyInput
 from ..case.case import Case
 from ..execution.run import Run
 from ..preparation.memory import START_MEMORY
@@ -75,7 +75,7 @@ class RefinedAnswer:
 
     Parameters
     ----------
-    prepared : prepared case with the settings of the last attempt.
+    study_input : input of the studies with the settings of the last attempt.
     result : result of the study in the last attempt.
     budget : error budget of `result`.
     attempts : all attempts in their order.
@@ -87,7 +87,7 @@ class RefinedAnswer:
     time_limit : time limit for all attempts together [s].
     """
 
-    prepared: Prepared
+    study_input: StudyInput
     result: Any
     budget: ErrorBudget
     attempts: tuple[Attempt, ...]
@@ -133,7 +133,7 @@ class RefinedAnswer:
         return finite_data(data)
 
 
-def refine_to_accuracy(case: Case, original: Prepared, run: Run) -> RefinedAnswer:
+def refine_to_accuracy(case: Case, original: StudyInput, run: Run) -> RefinedAnswer:
     """Solve a case with finer and finer settings, until its accuracy is reached or cannot be reached.
 
     After each attempt, the setting that causes the largest error is refined for the next attempt.
@@ -141,7 +141,7 @@ def refine_to_accuracy(case: Case, original: Prepared, run: Run) -> RefinedAnswe
     Parameters
     ----------
     case : a case with an accuracy.
-    original : prepared case, with the surface on the grid of the case.
+    original : input of the studies, with the surface on the grid of the case.
     run : run that solves the studies. If the run is resumed after an interruption, decisions that were taken before the
         interruption are repeated.
 
@@ -176,10 +176,10 @@ def refine_to_accuracy(case: Case, original: Prepared, run: Run) -> RefinedAnswe
         chosen = attempts.next_settings(goal, time_limit)
         reason = chosen.reason
         log.info("next: %s", chosen.change or reason)
-    prepared, result, budget = solved
+    study_input, result, budget = solved
     can_halve_error, half_error = attempts.half_error()
     return RefinedAnswer(
-        prepared=prepared,
+        study_input=study_input,
         result=result,
         budget=budget,
         attempts=tuple(attempts.done),
@@ -196,29 +196,29 @@ class _Attempts:
     """Carry out the attempts for a case, and record them.
 
     case : the case.
-    original : prepared case, with the surface on the grid of the case.
+    original : input of the studies, with the surface on the grid of the case.
     run : run that solves the studies.
     memory : memory that an attempt may use [byte].
     done : finished attempts.
     """
 
     case: Case
-    original: Prepared
+    original: StudyInput
     run: Run
     memory: float
     done: list[Attempt] = field(default_factory=list)
 
-    def attempt(self, settings: Settings) -> tuple[Prepared, Any, ErrorBudget]:
+    def attempt(self, settings: Settings) -> tuple[StudyInput, Any, ErrorBudget]:
         """Solve the case with the given settings, compute its error budget, and record the attempt."""
         name = f"attempt {len(self.done) + 1}"
-        prepared = apply_settings(self.original, settings)
-        answer = prepared.answer
+        study_input = apply_settings(self.original, settings)
+        answer = study_input.answer
         key = answer.key
         start = time.perf_counter()
         with self.run.timed(name) as mapper:
-            result = prepared.solve(answer, mapper)
+            result = study_input.solve(answer, mapper)
         with self.run.timed(f"{name}, error budget") as mapper:
-            budget = budgets_of(BudgetRequest(prepared.only_answer), {key: result}, mapper)[key]
+            budget = budgets_of(BudgetRequest(study_input.only_answer), {key: result}, mapper)[key]
         seconds = time.perf_counter() - start
         # a resumed run takes the measured time of the original run, so that its decisions are the same
         seconds = self.run.decided("time of the attempt", self._so_far, seconds)
@@ -226,15 +226,15 @@ class _Attempts:
         self.done.append(
             Attempt(
                 settings=settings,
-                points=prepared.scene.surface.shape,
+                points=study_input.scene.surface.shape,
                 seconds=seconds,
                 half_width=widest.half_width,
                 limit=widest.limit,
-                load=prepared.scene.steps[widest.step].name,
+                load=study_input.scene.steps[widest.step].name,
                 parts=widest.parts,
             )
         )
-        return prepared, result, budget
+        return study_input, result, budget
 
     def next_settings(self, goal: float, time_limit: float) -> SettingsChange:
         """Choose the settings of the next attempt.

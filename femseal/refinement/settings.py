@@ -5,7 +5,7 @@ from math import ceil, log1p
 from typing import Any, NamedTuple
 
 from ..base import Shape, as_text, to_text, validate
-from ..budget.prepared import Prepared
+from ..budget.study_input import StudyInput
 from ..case.case import Case
 from ..face.cut import FEWEST_POINTS
 from ..preparation.memory import refuse_impossible_sizes
@@ -96,10 +96,10 @@ def given_settings(case: Case) -> dict[str, str]:
     return keys
 
 
-def first_settings(case: Case, original: Prepared) -> Settings:
+def first_settings(case: Case, original: StudyInput) -> Settings:
     """Choose the settings of the first attempt: coarse pixels, and few realisations.
 
-    original : prepared case, with the surface on the grid of the case.
+    original : input of the studies, with the surface on the grid of the case.
     """
     assert case.accuracy is not None
     given = given_settings(case)
@@ -119,7 +119,7 @@ def first_settings(case: Case, original: Prepared) -> Settings:
     return replace(settings, grid=FIRST_GRID) if has_enough_points else settings
 
 
-def grid_points(original: Prepared, grid: int) -> Shape:
+def grid_points(original: StudyInput, grid: int) -> Shape:
     """Return the numbers of points along both sides of the surface on a finer or coarser grid.
 
     The number of points in the case is multiplied by 2^`grid`, and rounded up to a multiple of the corresponding number
@@ -132,10 +132,10 @@ def grid_points(original: Prepared, grid: int) -> Shape:
     return n1, n2
 
 
-def apply_settings(original: Prepared, settings: Settings) -> Prepared:
-    """Return the prepared case with other settings, and with its surface resampled to the grid of the new settings.
+def apply_settings(original: StudyInput, settings: Settings) -> StudyInput:
+    """Return the input with other settings, and with its surface resampled to the grid of the new settings.
 
-    original : prepared case, with the surface on the grid of the case.
+    original : input of the studies, with the surface on the grid of the case.
     """
     surface = original.scene.surface
     points = grid_points(original, settings.grid)
@@ -151,13 +151,13 @@ def apply_settings(original: Prepared, settings: Settings) -> Prepared:
     )
 
 
-def first_version(case: Case, original: Prepared) -> Prepared:
+def first_version(case: Case, original: StudyInput) -> StudyInput:
     """Prepare a case with the settings of the first attempt to reach its accuracy."""
     with refuse_impossible_sizes():
         return apply_settings(original, first_settings(case, original))
 
 
-def last_version(case: Case, original: Prepared, attempts: dict[str, Any] | None) -> Prepared:
+def last_version(case: Case, original: StudyInput, attempts: dict[str, Any] | None) -> StudyInput:
     """Prepare a case with the settings of the last attempt, or with unchanged settings if there were no attempts.
 
     attempts : record of the attempts, as in `Results.attempts`; None if there were no attempts.
@@ -167,12 +167,12 @@ def last_version(case: Case, original: Prepared, attempts: dict[str, Any] | None
     return apply_settings(original, Settings(**attempts["settings"]))
 
 
-def expected_cost(prepared: Prepared) -> StudyCost:
+def expected_cost(study_input: StudyInput) -> StudyCost:
     """Estimate the time on one core [s] and the memory [byte] of the study that gives the leakage.
 
     The other studies of the case are left out.
     """
-    return prepared.only_answer.cost(prepared.answer)
+    return study_input.only_answer.cost(study_input.answer)
 
 
 @dataclass(frozen=True)
@@ -192,14 +192,14 @@ class SettingsChange:
 
 
 def finer_settings(
-    case: Case, original: Prepared, settings: Settings, part: str, memory: float
+    case: Case, original: StudyInput, settings: Settings, part: str, memory: float
 ) -> SettingsChange:
     """Choose settings that approximately halve the error from one error source.
 
     Parameters
     ----------
     case : the case.
-    original : prepared case, with the surface on the grid of the case.
+    original : input of the studies, with the surface on the grid of the case.
     settings : settings of the last attempt.
     part : name of the error source.
     memory : memory that an attempt may use [byte].

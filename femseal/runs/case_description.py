@@ -1,11 +1,11 @@
-"""Describe a prepared case in lines of text, for `femseal check` and for the report."""
+"""Describe a case and the input of its studies in lines of text, for `femseal check` and for the report."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
 from ..base import Shape, as_text, to_text
-from ..budget.prepared import Prepared
+from ..budget.study_input import StudyInput
 from ..case.case import Case
 from ..case.faces import Face, FileFace
 from ..case.seal_tables import FluidTable
@@ -28,18 +28,18 @@ Line = tuple[str, str]
 
 def describe_case(
     case: Case,
-    prepared: Prepared,
+    study_input: StudyInput,
     estimate: QuickEstimate | None,
     form_effect: FormEffect | None,
 ) -> Iterator[Line]:
-    """Describe surface, loads, materials, fluids and studies of a prepared case in lines of text.
+    """Describe surface, loads, materials, fluids and studies of a case in lines of text.
 
     Parameters
     ----------
     case : Case
         The case.
-    prepared : Prepared
-        The prepared case.
+    study_input : StudyInput
+        The input of the studies.
     estimate : QuickEstimate or None
         Quick estimate of the leakage; None if a quick estimate is not possible for the case.
     form_effect : FormEffect or None
@@ -50,14 +50,14 @@ def describe_case(
     name, text : str
         Name and text of a line. A line with the name "" continues the last named line before it.
     """
-    scene = prepared.scene
+    scene = study_input.scene
     yield "face", " against ".join(_face_text(face) for face in case.face)
-    yield from _surface_lines(prepared, form_effect)
+    yield from _surface_lines(study_input, form_effect)
     roughness = drawing_text(case, scene.surface)
     if roughness:
         yield "roughness", roughness
-    if prepared.seat:
-        yield "seat", prepared.seat
+    if study_input.seat:
+        yield "seat", study_input.seat
     yield "load", _load_text(case, scene)
     yield "material", solids_text(case)
     of_waves = " of short waves" if scene.coatings else ""
@@ -69,7 +69,7 @@ def describe_case(
         yield "fluid", f"test fluid: {_fluid_text(case.output.test_fluid)}"
     yield "flow", f"solver {scene.solver}"
     yield from _slip_lines(scene)
-    yield from _study_lines(prepared)
+    yield from _study_lines(study_input)
     if scene.layout != RectangularLayout():
         yield "seal", str(scene.layout)
     if estimate is not None:
@@ -162,32 +162,32 @@ def _load_text(case: Case, scene: Scene) -> str:
     return text
 
 
-def _surface_lines(prepared: Prepared, form_effect: FormEffect | None) -> Iterator[Line]:
+def _surface_lines(study_input: StudyInput, form_effect: FormEffect | None) -> Iterator[Line]:
     """Describe the points of the surface, its roughness, how it was measured, and its filter."""
-    surface = prepared.scene.surface
-    conditioning = prepared.conditioning
+    surface = study_input.scene.surface
+    conditioning = study_input.conditioning
     points = f"{as_text(surface.shape)} points, {as_text(surface.size, 'm')}"
     yield "surface", f"{points}, pixel {as_text(surface.spacing, 'm')}"
-    yield "", _roughness_text(prepared.scene)
+    yield "", _roughness_text(study_input.scene)
     if conditioning.undefined_fraction or conditioning.spike_points:
         undefined = f"{conditioning.undefined_fraction:.2%} undefined points"
         yield "", f"{undefined} and {conditioning.spike_points} in spikes filled"
     if isinstance(surface, Patches):
         yield "", f"{len(surface.widths)} patches"
-    overlap = prepared.overlap
+    overlap = study_input.overlap
     if overlap:
         size = " × ".join(to_text(length, "m", 3) for length in overlap.size)
         resampled = ", the second resampled" if overlap.resampled else ""
         yield "", f"two faces overlap on {size}, {overlap.fraction:.0%} of the first{resampled}"
     # longest waves and form are left out where warnings describe them
-    waves = prepared.longest_waves
+    waves = study_input.longest_waves
     if waves is not None and not waves.warnings:
         yield from _line_unless_empty(str(waves))
     if form_effect is not None and not form_effect.warnings:
         yield from _line_unless_empty(str(form_effect))
-    yield from _line_unless_empty(str(prepared.continuation or ""))
+    yield from _line_unless_empty(str(study_input.continuation or ""))
     yield from _line_unless_empty(conditioning.unseen)
-    yield "filter", _filter_text(prepared)
+    yield "filter", _filter_text(study_input)
 
 
 def _line_unless_empty(text: str) -> Iterator[Line]:
@@ -208,11 +208,11 @@ def _roughness_text(scene: Scene) -> str:
     return text
 
 
-def _filter_text(prepared: Prepared) -> str:
+def _filter_text(study_input: StudyInput) -> str:
     """Say which waves the low-pass filter has removed, and by how much this has reduced the rms slope."""
-    surface = prepared.scene.surface
-    shortest = prepared.conditioning.shortest_wave
-    slope_before = prepared.conditioning.rms_slope_before
+    surface = study_input.scene.surface
+    shortest = study_input.conditioning.shortest_wave
+    slope_before = study_input.conditioning.rms_slope_before
     n_pixels = shortest / max(surface.spacing)
     waves = f"waves below {to_text(shortest, 'm', 3)} ({n_pixels:.3g} pixels) removed"
     removed = 1 - surface.rms_slope / slope_before if slope_before else 0.0
@@ -231,23 +231,23 @@ def _slip_lines(scene: Scene) -> Iterator[Line]:
     yield "slip", f"{factor:.3g} times the viscous flow in {gap}"
 
 
-def _study_lines(prepared: Prepared) -> Iterator[Line]:
+def _study_lines(study_input: StudyInput) -> Iterator[Line]:
     """Say how many contact and flow problems each study solves, and how large the cells of the surface are."""
-    cells = prepared.cells
-    without_cells = [study for study in prepared.studies if not study.needs_cells]
-    with_cells = [study for study in prepared.studies if study.needs_cells]
+    cells = study_input.cells
+    without_cells = [study for study in study_input.studies if not study.needs_cells]
+    with_cells = [study for study in study_input.studies if study.needs_cells]
     for study in without_cells:
-        yield from study.description(prepared.scene, prepared.options(study))
+        yield from study.description(study_input.scene, study_input.options(study))
     if cells is not None:
-        yield "cells", _cells_text(prepared, cells)
+        yield "cells", _cells_text(study_input, cells)
     for study in with_cells:
-        yield from study.description(prepared.scene, prepared.options(study))
+        yield from study.description(study_input.scene, study_input.options(study))
 
 
-def _cells_text(prepared: Prepared, cells: Shape) -> str:
+def _cells_text(study_input: StudyInput, cells: Shape) -> str:
     """Return the number of cells and their size as text, with a recommendation if the cells contain few waves."""
-    sides = [side / m for side, m in zip(prepared.scene.surface.size, cells, strict=True)]
-    n_waves = [side / prepared.conditioning.shortest_wave for side in sides]
+    sides = [side / m for side, m in zip(study_input.scene.surface.size, cells, strict=True)]
+    n_waves = [side / study_input.conditioning.shortest_wave for side in sides]
     size = " × ".join(to_text(side, "m", 3) for side in sides)
     text = f"{cells[0]} × {cells[1]} of about {size}, that is {n_waves[0]:.3g} × {n_waves[1]:.3g} shortest waves"
     if min(n_waves) < ADVISED_WAVES * 0.99:  # with a tolerance for rounding

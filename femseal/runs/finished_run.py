@@ -60,8 +60,8 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     if _without_file_keys(results.case) != _without_file_keys(echo) or former_faces != faces:
         return None
     # the settings that the program chooses may have changed with its version or with the code of the user
-    prepared = prepare(case)
-    has_same_settings = former_settings == chosen_settings(case, prepared)
+    study_input = prepare(case)
+    has_same_settings = former_settings == chosen_settings(case, study_input)
     if has_same_settings and _with_sorted_sources(results.case) == _with_sorted_sources(echo):
         return results
     if not has_same_settings or _needs_new_fields(results.case["output"], echo["output"]):
@@ -71,7 +71,7 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     with alone_in(folder):
         results.dataset.attrs["case"] = json.dumps(echo, ensure_ascii=False)
         options = {key: value for key, value in case.output.files.items() if key != "fields_limit"}
-        surface = last_version(case, prepared, results.attempts).scene.surface
+        surface = last_version(case, study_input, results.attempts).scene.surface
         write_again(results, surface, **options)
         log.info("other files written to %s", folder)
     return results

@@ -12,7 +12,7 @@ import numpy as np
 from ..base import InputError, as_text, duration, free_memory
 from ..base.machine import storing
 from ..budget import BudgetRequest, versions_of_budget
-from ..budget.prepared import Prepared
+from ..budget.study_input import StudyInput
 from ..case.case import Case
 from ..contact.workspace import KEPT_POINTS
 from ..flow.solvers.choice import elimination_memory
@@ -87,7 +87,7 @@ class Forecast:
 
 
 def forecast(
-    case: Case, prepared: Prepared, budget_versions: list[Prepared] | None = None
+    case: Case, study_input: StudyInput, budget_versions: list[StudyInput] | None = None
 ) -> Forecast:
     """Forecast time and memory of a run.
 
@@ -95,21 +95,21 @@ def forecast(
     ----------
     case : Case
         The case.
-    prepared : Prepared
-        The prepared case.
-    budget_versions : list of Prepared, optional
+    study_input : StudyInput
+        The input of the studies.
+    budget_versions : list of StudyInput, optional
         Modified cases that the run solves for the error budget; by default the result of `budget_inputs`.
     """
     if budget_versions is None:
-        budget_versions = budget_inputs(case, prepared)
+        budget_versions = budget_inputs(case, study_input)
     # the costs depend on the memory of the case, because large arrays are stored on disk
     with storing(None, case.memory):
-        inputs = [prepared, *budget_versions]
+        inputs = [study_input, *budget_versions]
         test_fluid = case.output.test_fluid
-        if test_fluid is not None and drop_ratio(test_fluid.state, prepared.scene) is None:
+        if test_fluid is not None and drop_ratio(test_fluid.state, study_input.scene) is None:
             # the seals of the answer are solved again with the test fluid
-            scene = test_fluid.state.in_scene(prepared.scene)
-            inputs.append(replace(prepared.only_answer, scene=scene))
+            scene = test_fluid.state.in_scene(study_input.scene)
+            inputs.append(replace(study_input.only_answer, scene=scene))
         # if the number of realisations is chosen during the run, it lies between these two numbers
         fewest_costs = _study_costs(inputs, FEWEST_BY_DEFAULT)
         most_costs = _study_costs(inputs, MOST_BY_DEFAULT)
@@ -121,7 +121,7 @@ def forecast(
         # for large surfaces, the working arrays are freed before the pictures take their part of `START_MEMORY`
         memory -= _PICTURES_MEMORY
     most_memory = memory
-    if any(study.solves_whole_surface for study in prepared.studies):
+    if any(study.solves_whole_surface for study in study_input.studies):
         # the flow through the whole surface may require elimination
         most_memory += elimination_memory(pixels)
     serial_seconds = _START_SECONDS
@@ -136,35 +136,35 @@ def forecast(
     )
 
 
-def _study_costs(inputs: list[Prepared], realisations: int) -> list[StudyCost]:
+def _study_costs(inputs: list[StudyInput], realisations: int) -> list[StudyCost]:
     """Estimate the costs of every study of several inputs.
 
     realisations : number of realisations to assume where an input does not give it.
     """
     costs = []
-    for prepared in inputs:
-        if prepared.sampling is not None and prepared.sampling.realisations is None:
-            prepared = prepared.with_realisations(realisations)
-        costs += [prepared.cost(study) for study in prepared.solved_studies]
+    for study_input in inputs:
+        if study_input.sampling is not None and study_input.sampling.realisations is None:
+            study_input = study_input.with_realisations(realisations)
+        costs += [study_input.cost(study) for study in study_input.solved_studies]
     return costs
 
 
-def refuse_too_large(case: Case, original: Prepared) -> None:
+def refuse_too_large(case: Case, original: StudyInput) -> None:
     """Raise InputError if a run is expected to need more memory than the case allows, or than is free.
 
-    original : prepared case on the grid given in the case; the run may refine this grid to reach the required accuracy.
+    original : input on the grid given in the case; the run may refine this grid to reach the required accuracy.
     """
-    prepared = original if case.accuracy is None else first_version(case, original)
+    study_input = original if case.accuracy is None else first_version(case, original)
     if case.memory is not None:
         limit = case.memory
         limit_name = "of the key memory"
     else:
         limit = free_memory()
         limit_name = "that are free"
-    needed = forecast(case, prepared).memory
+    needed = forecast(case, study_input).memory
     if needed <= limit:
         return
-    points = as_text(prepared.scene.surface.shape)
+    points = as_text(study_input.scene.surface.shape)
     given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
     method = names_with("solves_whole_surface", False)
     advice = f"fewer surface.points or load steps, or the method {method}, which solves a part of a face at a time"
@@ -178,7 +178,7 @@ def refuse_too_large(case: Case, original: Prepared) -> None:
     raise InputError("memory", given, expected)
 
 
-def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
+def budget_inputs(case: Case, study_input: StudyInput) -> list[StudyInput]:
     """List all modified versions of the input that may be solved for the error budget.
 
     The run may skip some of them. For example, if a higher hardness hardly changes the leakage, the version with a
@@ -186,5 +186,5 @@ def budget_inputs(case: Case, prepared: Prepared) -> list[Prepared]:
     """
     if not case.output.budget:
         return []
-    request = BudgetRequest(prepared, case.output.model_parts, case.hardness_tolerance)
+    request = BudgetRequest(study_input, case.output.model_parts, case.hardness_tolerance)
     return versions_of_budget(request)

@@ -8,7 +8,7 @@ from typing import Any
 from uuid import uuid4
 
 from ..base import InputError, numerical_versions
-from ..budget.prepared import Prepared
+from ..budget.study_input import StudyInput
 from ..case.case import Case
 from ..case.table_types import makers_in
 from ..execution.resuming import USER_CODE
@@ -54,7 +54,7 @@ def user_code(case: Case) -> dict[str, str]:
     return {USER_CODE: uuid4().hex}
 
 
-def chosen_settings(case: Case, original: Prepared) -> dict[str, Any]:
+def chosen_settings(case: Case, original: StudyInput) -> dict[str, Any]:
     """Return the settings that the program chooses for a case, and an entry for user-defined classes.
 
     If the case requests an accuracy, the settings of the first attempt are returned.

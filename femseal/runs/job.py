@@ -131,22 +131,22 @@ def run(
         is_resumed: bool | None = None  # known as soon as the folder exists and is locked
         if folder is not None and folder.is_dir():
             is_resumed = enter(writing_in(folder, identity, resume))
-        prepared = prepare(case)
+        study_input = prepare(case)
         if scheduler is None:
-            refuse_too_large(case, prepared)
-        studies_use_mirrors = any(study.uses_mirrors for study in prepared.studies)
-        has_mirrors = "mirror" in prepared.scene.boundary or studies_use_mirrors
+            refuse_too_large(case, study_input)
+        studies_use_mirrors = any(study.uses_mirrors for study in study_input.studies)
+        has_mirrors = "mirror" in study_input.scene.boundary or studies_use_mirrors
         compile_first = partial(
             compile_ahead,
             progress=progress,
             has_mirrors=has_mirrors,
-            largest_grid=math.prod(prepared.scene.surface.shape),
+            largest_grid=math.prod(study_input.scene.surface.shape),
         )
         mapper = enter(ordered_map(workers, scheduler, compile_first))
         if folder is None:
             stage_folder = enter(TemporaryDirectory()) if shared is None else shared
             store = enter(Store(Path(stage_folder), required=False))
-            return solve_case(case, prepared, faces, Run(store.over(mapper), progress))
+            return solve_case(case, study_input, faces, Run(store.over(mapper), progress))
         if is_resumed is None:
             # a new folder is made only now that the case is known to be valid
             is_resumed = enter(writing_in(made_folder(folder), identity, resume))
@@ -155,7 +155,7 @@ def run(
             log.info("resumed from %s", store_folder(folder))
         begin_run(folder, identity)
         store = enter(Store(Path(shared or store_folder(folder))))
-        results = solve_case(case, prepared, faces, Run(store.over(mapper), progress))
+        results = solve_case(case, study_input, faces, Run(store.over(mapper), progress))
         progress("writing results", 0, None)
         # the pictures are always drawn on this machine, also if a Dask scheduler computes the rest
         _write(results, folder, case, mapper if scheduler is None else map)

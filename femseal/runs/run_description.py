@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import psutil
 
 from ..base import Shape, as_text, counted, duration
-from ..budget.prepared import Prepared
+from ..budget.study_input import StudyInput
 from ..case.case import Case
 from ..checks import coating_depth_warnings, flow_warnings
 from ..refinement.refine_to_accuracy import TIME_LIMIT
@@ -17,15 +17,15 @@ from .disk_space import disk_space, stores_states
 from .forecast import WORKER_MEMORY, Forecast, budget_inputs, forecast
 
 
-def describe(case: Case, original: Prepared) -> list[str]:
+def describe(case: Case, original: StudyInput) -> list[str]:
     """Describe what a run of a case computes, how long it takes, and how much memory and disk space it needs.
 
     Parameters
     ----------
     case : Case
         The case.
-    original : Prepared
-        The prepared case on the grid given in the case. The run may refine this grid to reach the required accuracy.
+    original : StudyInput
+        The input on the grid given in the case. The run may refine this grid to reach the required accuracy.
 
     Returns
     -------
@@ -35,37 +35,37 @@ def describe(case: Case, original: Prepared) -> list[str]:
     return [f"{name:<14} {text}" for name, text in _lines(case, original)]
 
 
-def _lines(case: Case, original: Prepared) -> Iterator[Line]:
+def _lines(case: Case, original: StudyInput) -> Iterator[Line]:
     """Yield the name and the text of each line of the description, see `describe`."""
-    prepared = original if case.accuracy is None else first_version(case, original)
+    study_input = original if case.accuracy is None else first_version(case, original)
     form_effect = original.solve_form_effect()
     yield "case", f"{case.title or '(no title)'}: valid"
-    estimate = prepared.estimate()
-    yield from describe_case(case, prepared, estimate, form_effect)
+    estimate = study_input.estimate()
+    yield from describe_case(case, study_input, estimate, form_effect)
     if case.accuracy is not None:
         yield "accuracy", _accuracy_text(case, original)
-    budget_versions = budget_inputs(case, prepared)
+    budget_versions = budget_inputs(case, study_input)
     if budget_versions:
         states_by_shape = Counter[Shape]()
         for version in budget_versions:
             states_by_shape[version.scene.surface.shape] += _count_face_states(version)
         states = [f"{n} on {as_text(shape)} points" for shape, n in states_by_shape.items()]
         yield "error budget", f"states again, {' and '.join(states)}"
-    expected = forecast(case, prepared, budget_versions)
+    expected = forecast(case, study_input, budget_versions)
     attempt = "" if case.accuracy is None else "first attempt: "
     yield "expected", f"{attempt}{_time_line(expected)}; {_memory_line(expected)}"
-    yield "disk", str(disk_space(case, prepared, budget_versions))
-    warnings = [*prepared.warnings, *coating_depth_warnings(prepared.scene, None)]
+    yield "disk", str(disk_space(case, study_input, budget_versions))
+    warnings = [*study_input.warnings, *coating_depth_warnings(study_input.scene, None)]
     if form_effect is not None:
         warnings += form_effect.warnings
     if estimate is not None:
-        estimate_warnings = flow_warnings(prepared.scene, estimate.leakage, estimate.mean_gap)
+        estimate_warnings = flow_warnings(study_input.scene, estimate.leakage, estimate.mean_gap)
         warnings += [f"by the quick estimate: {text}" for text in estimate_warnings]
     for text in warnings:
         yield "warning", text
 
 
-def _accuracy_text(case: Case, original: Prepared) -> str:
+def _accuracy_text(case: Case, original: StudyInput) -> str:
     """Describe the accuracy that a case requests, the settings of the first attempt, and the time limit."""
     assert case.accuracy is not None
     settings = first_settings(case, original)
@@ -102,12 +102,12 @@ def _memory_line(expected: Forecast) -> str:
     return f"{text}, and {WORKER_MEMORY / 1e9:.2g} GB or more for each further worker"
 
 
-def _count_face_states(prepared: Prepared) -> int:
+def _count_face_states(study_input: StudyInput) -> int:
     """Estimate the number of contact states to be solved for the whole surface."""
-    if stores_states(prepared):
-        return len(prepared.scene.steps)
+    if stores_states(study_input):
+        return len(study_input.scene.steps)
     counts = [
-        study.state_count(prepared.scene, prepared.options(study))
-        for study in prepared.solved_studies
+        study.state_count(study_input.scene, study_input.options(study))
+        for study in study_input.solved_studies
     ]
     return max(counts)

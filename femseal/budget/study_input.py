@@ -28,7 +28,7 @@ from .longer_waves import longer_waves
 
 
 @dataclass(frozen=True)
-class Prepared:
+class StudyInput:
     """Input of the studies that was prepared from a case, with reports on the preparation of the surface.
 
     Attributes
@@ -149,7 +149,7 @@ class Prepared:
         return self.studies[-1]
 
     @property
-    def only_answer(self) -> Prepared:
+    def only_answer(self) -> StudyInput:
         """Copy of the input for the study `answer` alone."""
         return replace(self, methods=frozenset({self.answer.name}))
 
@@ -163,7 +163,7 @@ class Prepared:
         )
         return StudyOptions(self.cells, self.sampling, surface_is_solved)
 
-    def with_realisations(self, count: int) -> Prepared:
+    def with_realisations(self, count: int) -> StudyInput:
         """Return a copy of the input with the given number of realisations of the stochastic study.
 
         If no number is given, the number of realisations depends on the scatter of the leakage, and therefore on the
@@ -199,7 +199,7 @@ class Prepared:
         assert self.sampling is not None
         return cut_and_cover(self.scene.surface, self.scene.layout, self.cells, self.sampling)
 
-    def changed(self, change: ModelChange) -> Prepared:
+    def changed(self, change: ModelChange) -> StudyInput:
         """Return a copy of the input in which the scene and the forms are changed, for the error budget."""
         sampling = self.sampling
         if change.forms and sampling is not None:
