@@ -270,7 +270,7 @@ def solve_surface_flow(
         return flow.value, flow.fluid_pressure, flow
 
     flow, drop = solve_face(settings.drop, np.asarray(gap, float), spacing, solve, PRESSURE_RTOL)
-    value = flow.value * drop.mean_factor
+    value = flow.value * drop.reference_factor
     potential = drop.φ_fraction(flow.fluid_pressure)
     # The exact potential lies between 0 and 1. The error of the solver, about 1e-3 in the energy norm, may exceed this.
     return FaceFlow(value, counts, np.clip(potential, 0.0, 1.0))

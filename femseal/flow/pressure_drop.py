@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import isnan, nan
 from typing import NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -192,8 +193,13 @@ class PressureDrop:
         return _LEAST_PRESSURE * max(self.inlet, self.outlet)
 
     @cached_property
-    def mean_factor(self) -> float:
-        """Mean value Δψ/Δφ of the factor F(h₀, p) over the viscous potential φ between inlet and outlet."""
+    def reference_factor(self) -> float:
+        """Ratio Δψ/Δφ by which a solved permeability is multiplied.
+
+        If the flow law depends on the pressure, the ratio is the mean value of the factor F(h₀, p) of the reference gap
+        over the viscous potential φ between inlet and outlet. Otherwise, the ratio is 1, because the flow is solved for
+        the equivalent gap, which contains the whole factor F.
+        """
         if not self.law.depends_on_pressure:
             return 1.0
         ψ, φ, _ = self._table
@@ -207,7 +213,12 @@ class PressureDrop:
         The ratio is ∫F dφ/Δφ, the mean of the factor F(h, p) over the viscous potential φ. The mean of F is finite even
         if the outlet is a vacuum, where F itself is infinite. For an undefined gap, the function returns NaN.
         """
-        return replace(self, gap=max(gap, _LEAST_GAP)).mean_factor
+        if isnan(gap):
+            return nan
+        open_gap = max(gap, _LEAST_GAP)
+        if not self.law.depends_on_pressure:
+            return float(self.law.factor(open_gap))
+        return replace(self, gap=open_gap).reference_factor
 
     def pressure(self, ψ_fraction: ArrayLike) -> Array:
         """Compute the pressure [Pa] at a ψ fraction, from 0 at the outlet to 1 at the inlet."""
@@ -234,7 +245,7 @@ class PressureDrop:
         φ_drop = self.φ_fraction(first) - self.φ_fraction(second)
         is_apart = np.abs(φ_drop) > 1e-9
         derivative = self._factor(self.pressure(0.5 * (first + second)))
-        ratio = self.mean_factor * ψ_drop / np.where(is_apart, φ_drop, 1.0)
+        ratio = self.reference_factor * ψ_drop / np.where(is_apart, φ_drop, 1.0)
         return np.where(is_apart, ratio, derivative)
 
     def gap_for_ψ(self, gap: Array, ψ_fraction: ArrayLike) -> Array:
@@ -279,7 +290,7 @@ def solve_face(
     -------
     Solution returned by the last call of `solve`, and pressure drop with the reference gap of the face. The potential
     in the solution is a ψ fraction. To get the permeability of the face, multiply the permeability in the solution by
-    the `mean_factor` of the returned pressure drop.
+    the `reference_factor` of the returned pressure drop.
 
     Raises
     ------

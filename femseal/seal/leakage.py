@@ -106,7 +106,7 @@ def _in_viscous_potential(flow: DarcyFlow, fraction: Array, drop: PressureDrop) 
     """
     # The difference of ψ between inlet and outlet is `factor` times the difference of φ. The flow for a difference of 1
     # in φ is therefore larger by this factor.
-    factor = drop.mean_factor
+    factor = drop.reference_factor
     potential = drop.φ_fraction(fraction)  # φ, scaled to 1 at the inlet and 0 at the outlet
     return replace(
         flow,

@@ -23,6 +23,7 @@ from femseal.runs.run_description import describe
 
 WAVES = np.geomspace(1e4, 1e6, 40)
 POWERS = 1e-12 * (WAVES / WAVES[0]) ** -1.6
+OIL = {"kind": "liquid", "viscosity": "50 mPa*s", "inlet_pressure": "10 bar"}
 
 
 def test_area_of_elastic_solids():
@@ -145,6 +146,25 @@ def test_a_gas_that_slips_takes_the_mean_of_slip_over_p_dp(outlet):
     assert PressureDrop.of_fluid(fs.Liquid(1e-3), inlet, outlet).mean_factor_of(1e-9) == 1
 
 
+def test_a_liquid_that_slips_flows_1_plus_6b_over_h_times_as_fast():
+    drop = PressureDrop.of_fluid(fs.Liquid(1e-3, slip_length=1e-6), 1e6, 0.0)
+    assert_allclose([drop.mean_factor_of(gap) for gap in (1e-6, 6e-6)], [7, 2])
+    assert np.isnan(drop.mean_factor_of(np.nan))
+    assert np.isfinite(drop.mean_factor_of(0.0))
+
+
+def test_quick_estimate_and_description_contain_the_slip_of_a_liquid():
+    without, slipping = (
+        case({**OIL, "slip_length": length}, rms_height="0.5 um") for length in ("0 um", "1 um")
+    )
+    prepared = prepare(slipping)
+    estimates = prepared.estimate(), prepare(without).estimate()
+    assert_allclose(estimates[0].leakage / estimates[1].leakage, 1 + 6e-6 / estimates[1].gap)
+    line = next(line for line in describe(slipping, prepared) if "the viscous flow" in line)
+    factor = 1 + 6e-6 / prepared.scene.surface.rms_height
+    assert f" {factor:.3g} times the viscous flow" in line
+
+
 def test_helium_into_a_vacuum_leaks_as_the_quick_estimate():
     helium = {"name": "helium", "inlet_pressure": "1 atm"}
     leakages = []
@@ -155,9 +175,6 @@ def test_helium_into_a_vacuum_leaks_as_the_quick_estimate():
     results = fs.run(case(helium | {"outlet_pressure": "0 Pa"}, rms_height="0.5 um"), workers=1)
     assert leakages[0] / results.leakage.values[0] == pytest.approx(1, abs=0.9)
     assert not any("quick estimate" in text for text in results.warnings)
-
-
-OIL = {"kind": "liquid", "viscosity": "50 mPa*s", "inlet_pressure": "10 bar"}
 
 
 def test_oil_in_narrow_gaps_has_no_warning_of_its_flow():
