@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..base import Array, InputError, as_text, reals, to_si, to_text
+from ..base.text_columns import read_columns
 from ..base.validate import check_parameters, described, parameter
 from .patches import Surface
 
@@ -308,7 +309,8 @@ class ProfileSeat(Seat):
     Parameters
     ----------
     path : Path
-        File with two columns, separated by commas or blanks. The first line of the file contains the names x1 and z.
+        File with columns that are separated by commas, semicolons, tabs or blanks, and numbers with decimal points.
+        The first line of the file contains the names of the columns, two of which are x1 and z.
     unit : str
         Unit of the lengths x1 and z in the file, such as "um".
     """
@@ -344,17 +346,13 @@ def _read_profile(path: Path, unit: str) -> Array:
     Raises
     ------
     InputError
-        The file does not contain two columns of numbers, or x1 does not increase from line to line.
+        The file cannot be read, a column is missing, an entry is not a number with a decimal point, or x1 does not
+        increase from line to line.
     """
-    expected = "a file of numbers in columns x1 and z, the first line with these names, x1 rising"
-    try:
-        names, *rows = path.read_text(encoding="utf-8-sig").replace(",", " ").splitlines()
-        table = np.loadtxt([row for row in rows if row.strip()], usecols=(0, 1), ndmin=2)
-    except (OSError, ValueError) as error:
-        raise InputError("path", f"'{path.name}' ({error})", expected) from None
-    has_names = names.split()[:2] == ["x1", "z"]
+    table = read_columns(path, ("x1", "z"))
     is_finite = len(table) > 1 and np.isfinite(table).all()
-    if not has_names or not is_finite or not (np.diff(table[:, 0]) > 0).all():
+    if not is_finite or not (np.diff(table[:, 0]) > 0).all():
+        expected = "at least two lines of finite numbers x1 and z, x1 rising"
         raise InputError("path", f"'{path.name}'", expected)
     return table * to_si(f"1 {unit}", "m")
 

@@ -126,11 +126,14 @@ def test_depths_of_all_forms_agree_with_their_equations():
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("x1,z\n0,0\n", "expected a file of numbers"),
-        ("a,b\n0,0\n1,1\n", "expected a file of numbers"),
+        ("x1,z\n0,0\n", "at least two lines of finite numbers"),
+        ("x1,z\n0,0\n1,inf\n", "at least two lines of finite numbers"),
+        ("a,b\n0,0\n1,1\n", "one column each of x1, z"),
         ("x1,z\n0,0\n0,1\n", "x1 rising"),
         ("x1,z\n0,0\n0.1,0\n", "at least as long as the face is wide"),
-        ("x1,z\n0,zero\n1,1\n", "expected a file of numbers"),
+        ("x1,z\n0,zero\n1,1\n", "numbers with decimal points"),
+        ("x1 z\n0,5 1,2\n9,5 1,3\n", "numbers with decimal points"),
+        ("x1;z\n0,5;1,2\n9,5;1,3\n", "numbers with decimal points"),
     ],
 )
 def test_a_profile_is_read_from_a_file(tmp_path, text, message):
