@@ -15,19 +15,18 @@ Source: ISO 21920-2 (Ra, Rz, Rq, Rsk). The module `roughness_filters` contains t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import nan
+from math import isnan, nan
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..base import validate
 from .roughness_filters import STANDARD_CUT_OFFS, gaussian_filter, long_wave_filter
 from .topography import Topography
 
 #: Ratio of the limits of Rz and Ra at which ISO 4288 changes the filter.
 _RZ_OVER_RA = 5.0
-#: Largest number of sections of the length λc over which Rz is averaged.
-_SECTIONS = 5
 
 
 @dataclass(frozen=True)
@@ -75,6 +74,11 @@ def profile_roughness(
     ProfileRoughness
         Means over all profiles.
 
+    Raises
+    ------
+    InputError
+        The stated Ra or Rz is not a number > 0.
+
     Examples
     --------
     The Ra of a wave of 0.1 mm is 2/π times its amplitude:
@@ -89,6 +93,7 @@ def profile_roughness(
     if ra is None and rz is not None:
         ra = rz / _RZ_OVER_RA
     if ra is not None:
+        validate.number("ra or rz", ra, unit="m")
         cut_off = next(cut_offs.long for cut_offs in STANDARD_CUT_OFFS if ra > cut_offs.least_ra)
         return _filtered_roughness(surface, cut_off)
     # from the longest cut-off to the shortest, until Ra is large enough for the filter
@@ -102,16 +107,14 @@ def profile_roughness(
 def _filtered_roughness(surface: Topography, cut_off: float) -> ProfileRoughness:
     """Compute the roughness of the profiles along x1 without the waves that are longer than a cut-off λc [m]."""
     heights = surface.heights
-    sections = 1  # of the length λc, over which Rz is averaged; the whole profile without a filter
     if cut_off <= surface.size[0]:
         heights = heights - gaussian_filter(heights, surface.spacing, cut_off, (0,))
-        sections = min(_SECTIONS, int(surface.size[0] / cut_off + 1e-9))
     else:
         cut_off = np.nan
     heights = heights - heights.mean(axis=0)
     return ProfileRoughness(
         ra=float(np.abs(heights).mean()),
-        rz=_mean_section_height(heights.T, sections, len(heights) // sections),
+        rz=_mean_section_height(heights.T, cut_off / surface.spacing[0]),
         rq=float(heights.std(axis=0).mean()),
         cut_off=float(cut_off),
     )
@@ -138,9 +141,7 @@ def standard_profile_parameters(flat: Topography, axis: int) -> ProfileParameter
         z = z - gaussian_filter(z, flat.spacing, cut_offs.long, (axis,))
         profiles = np.moveaxis(z, axis, -1)  # (profile, point)
         moments = height_moments(profiles)
-        points = max(1, round(cut_offs.long / flat.spacing[axis]))
-        sections = max(1, min(_SECTIONS, profiles.shape[1] // points))
-        rz = _mean_section_height(profiles, sections, points)
+        rz = _mean_section_height(profiles, cut_offs.long / flat.spacing[axis])
         parameters = ProfileParameters(
             cut_offs.long, moments.mean, moments.rms, rz, moments.skewness
         )
@@ -149,15 +150,20 @@ def standard_profile_parameters(flat: Topography, axis: int) -> ProfileParameter
     return parameters
 
 
-def _mean_section_height(profiles: NDArray, sections: int, points: int) -> float:
+def _mean_section_height(profiles: NDArray, length: float) -> float:
     """Compute Rz [m], the mean height from the lowest to the highest point of the sections of all profiles.
 
+    The standard measures five sections by default. All whole sections of a longer profile are used, as for Ra, because
+    more sections have the same mean height with less scatter.
+
     profiles : heights of the profiles (profile, point) [m].
-    sections : number of sections into which the beginning of each profile is divided.
-    points : number of points of a section.
+    length : length λc of a section, in points; NaN if each profile is a single section.
     """
-    parts = np.split(profiles[:, : sections * points], sections, axis=1)
-    return float(np.mean([np.ptp(part, axis=1) for part in parts]))
+    n_points = profiles.shape[1]
+    points = n_points if isnan(length) else min(max(1, round(length)), n_points)
+    sections = n_points // points
+    parts = profiles[:, : sections * points].reshape(len(profiles), sections, points)
+    return float(np.mean(np.ptp(parts, axis=2)))
 
 
 class Moments(NamedTuple):

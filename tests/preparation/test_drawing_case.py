@@ -84,6 +84,31 @@ def test_half_of_a_wave_as_long_as_the_filter_counts():
         assert_allclose(found.rz, amplitude, rtol=1e-5)
 
 
+@pytest.mark.parametrize("sections", [4.5, 5.0, 12.8])
+def test_rz_is_the_mean_height_of_sections_as_long_as_the_filter(sections):
+    """One section of λc is twice as high as all others; a section that is not complete does not count."""
+    cut_off, amplitude, pixel = 0.8e-3, 1e-6, 2e-6
+    x = (np.arange(round(sections * cut_off / pixel)) + 0.5) * pixel
+    # waves of a fortieth of λc are not filtered, and end with a section
+    wave = amplitude * np.sin(2 * np.pi * x / (cut_off / 40))
+    is_second = (x > cut_off) & (x < 2 * cut_off)
+    surface = fs.Topography(np.outer(np.where(is_second, 2, 1) * wave, np.ones(4)), (pixel, pixel))
+    whole = int(sections)
+    exact = 2 * amplitude * (whole + 1) / whole
+    for found in (
+        profile_roughness(surface, 0.15e-3).rz,
+        fs.describe_surface(surface, detrend=0, spikes=np.inf).rz[0],
+    ):
+        assert_allclose(found, exact, rtol=0.02)
+
+
+@pytest.mark.parametrize("stated", [{"ra": 0.0}, {"rz": -1e-6}, {"ra": np.nan}])
+def test_a_stated_roughness_is_a_number_above_0(stated):
+    surface = fs.Topography(np.zeros((64, 4)), (1e-6, 1e-6))
+    with pytest.raises(InputError, match="ra or rz"):
+        profile_roughness(surface, **stated)
+
+
 @pytest.mark.parametrize("ra", [0.05e-6, 0.8e-6, 3e-6])
 def test_the_filter_of_an_irregular_profile_follows_from_its_roughness(ra):
     """Ra of 0.02 to 0.1, 0.1 to 2 and 2 to 10 µm need 0.25, 0.8 and 2.5 mm; a shorter surface is not filtered."""
