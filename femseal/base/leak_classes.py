@@ -174,8 +174,9 @@ def within(leakage: ArrayLike, limit: float) -> Flags:
 
 #: Leakage classes. Columns: name, standard, limit for liquids and, if it differs, for gases, unit, multipliers (see
 #: `_MULTIPLIERS`; several are joined by "+"), only fluid for which the class is defined, edition, and whether the limit
-#: is from secondary sources. The limits of ISO 15848-1 are π times 1e-5, 1e-4 and 1e-2 mg/(m·s) of
-#: helium at 0 °C. In API 598, 16 drops or 100 bubbles make 1 mL.
+#: is from secondary sources. The limits of ISO 15848-1 are 1e-5, 1e-4 and 1e-2 mg/(m·s) of helium on the circumference
+#: of the stem, which is π times its diameter. The standard also states 1.78e-7, 1.78e-6 and 1.78e-4 mbar·L/s per
+#: mm of the diameter, which are the same masses at 0 °C. In API 598, 16 drops or 100 bubbles make 1 mL.
 _TABLE = """
 L0.01          | EN 13555    | 0.01          | mg/(m·s)     |          |        | 2014          |
 L0.1           | EN 13555    | 0.1           | mg/(m·s)     |          |        | 2014          |
@@ -197,9 +198,9 @@ API 598        | API 598     | 0.125 0.04    | mL/min       | NPS      |        
 FCI 70-2 VI    | FCI 70-2    | 1             | mL/min       | class VI | gas    | 2006          | second hand
 FCI 70-2 V     | FCI 70-2    | 5e-4          | mL/min       | inch+psi | liquid | 2006          | second hand
 FCI 70-2 IV    | FCI 70-2    | 1e-4          | m³/s         | capacity |        | 2006          | second hand
-ISO 15848-1 AH | ISO 15848-1 | 1.78e-7       | mbar·L/s     | mm       | helium | 2015          | second hand
-ISO 15848-1 BH | ISO 15848-1 | 1.78e-6       | mbar·L/s     | mm       | helium | 2015          | second hand
-ISO 15848-1 CH | ISO 15848-1 | 1.78e-4       | mbar·L/s     | mm       | helium | 2015          | second hand
+ISO 15848-1 AH | ISO 15848-1 | 3.1416e-8     | mg/s         | mm       | helium | 2015          | second hand
+ISO 15848-1 BH | ISO 15848-1 | 3.1416e-7     | mg/s         | mm       | helium | 2015          | second hand
+ISO 15848-1 CH | ISO 15848-1 | 3.1416e-5     | mg/s         | mm       | helium | 2015          | second hand
 """
 
 

@@ -85,12 +85,23 @@ def test_classes_without_the_quantities_that_they_need_are_refused(written, flui
         one.limit(leak_basis(fluid, 0.5), diameter)
 
 
-def test_limits_of_iso_15848_1_are_per_circumference_of_the_stem():
-    """AH, BH, CH of ISO 15848-1 are 1e-5, 1e-4 and 1e-2 mg/(m·s) of helium at 0 °C on the circumference of the stem."""
-    cold = replace(HELIUM, temperature=273.15)
-    for name, amount in (("AH", 1e-5), ("BH", 1e-4), ("CH", 1e-2)):
-        found = limit(f"ISO 15848-1 {name}", leak_basis(cold, 0.1), 0.02)
-        assert_allclose(found * cold.reference_density, np.pi * 0.02 * amount * 1e-6, rtol=2e-3)
+@pytest.mark.parametrize("temperature", [273.15, 293.15])
+@pytest.mark.parametrize("throughput_temperature", [None, 273.15, 313.15])
+def test_limits_of_iso_15848_1_are_masses_per_circumference_of_the_stem(
+    temperature, throughput_temperature
+):
+    """AH, BH, CH of ISO 15848-1 are 1e-5, 1e-4 and 1e-2 mg/(m·s) of helium on the circumference of the stem.
+
+    At 0 °C, they are 1.78e-7, 1.78e-6 and 1.78e-4 mbar·L/s for each mm of the diameter of the stem.
+    """
+    gas = replace(HELIUM, temperature=temperature)
+    basis = leak_basis(gas, 0.1, throughput_temperature)
+    at_freezing = leak_basis(gas, 0.1, 273.15)
+    for name, mass, volume in (("AH", 1e-5, 1.78e-7), ("BH", 1e-4, 1.78e-6), ("CH", 1e-2, 1.78e-4)):
+        found = limit(f"ISO 15848-1 {name}", basis, 0.02)
+        assert_allclose(found * gas.reference_density, np.pi * 0.02 * mass * 1e-6, rtol=1e-5)
+        throughput = found / 0.1 / at_freezing.factor(LEAK_UNITS["mbar·L/s"])
+        assert_allclose(throughput, 20 * volume, rtol=3e-3)
 
 
 @pytest.mark.parametrize(
