@@ -85,7 +85,8 @@ def darcy_conductance(
         y (n, 2), or symmetric tensors (n, 2, 2). Elements with K = 0 are closed. One principal value of a tensor may be
         0. An element with such a tensor carries flow only across facets that are not parallel to its open principal
         axis. Before the solution, a principal value of 0 is replaced by 1e-10 times the other principal value.
-    inlet, outlet : indices of boundary facets. Inlet and outlet must not have a vertex in common.
+    inlet, outlet : indices of boundary facets, or a flag for each facet of the mesh. Inlet and outlet must not have a
+        vertex in common.
     bounds, solver : as in `MeshOperators.flow`.
 
     Returns

@@ -78,8 +78,8 @@ def ends_of(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, I
 
     Raises
     ------
-    InputError : the inlet or the outlet has no facets, or facets inside the mesh; or inlet and outlet have a vertex in
-        common.
+    InputError : the inlet or the outlet has no facets, facets inside the mesh, or numbers of facets that are not
+        integers; or inlet and outlet have a vertex in common.
     """
     ends = _facets(mesh, inlet, "inlet"), _facets(mesh, outlet, "outlet")
     if np.intersect1d(mesh.facets[:, ends[0]], mesh.facets[:, ends[1]]).size:
@@ -90,10 +90,19 @@ def ends_of(mesh: Mesh, inlet: ArrayLike, outlet: ArrayLike) -> tuple[Indices, I
 
 
 def _facets(mesh: Mesh, facets: ArrayLike, name: str) -> Indices:
-    """Check the facets of the inlet or the outlet, and return them without duplicates."""
-    chosen = np.unique(np.asarray(facets).astype(np.int64))
-    if chosen.size == 0:
+    """Check the facets of the inlet or the outlet, and return them without duplicates.
+
+    facets : numbers of facets, or a flag for each facet of the mesh.
+    """
+    given = np.asarray(facets)
+    if given.dtype == bool and given.shape == (mesh.nfacets,):
+        given = np.flatnonzero(given)
+    if given.size == 0:
         raise InputError(name, "no facets", "at least one facet of the boundary")
+    if not np.issubdtype(given.dtype, np.integer):
+        expected = f"numbers of facets, which are integers, or flags of shape ({mesh.nfacets},)"
+        raise InputError(name, f"an array of {given.dtype}, shape {given.shape}", expected)
+    chosen = np.unique(given.astype(np.int64))
     if not np.all(np.isin(chosen, mesh.boundary_facets())):
         raise InputError(name, "facets inside the mesh", "facets of its boundary")
     return chosen

@@ -145,6 +145,8 @@ def test_bad_meshes_and_ends():
         ((MeshTet(), 1.0, [0], [1]), "mesh: given a MeshTet1, expected one of MeshTri1, MeshQuad1"),
         ((MeshQuad2.from_mesh(mesh), 1.0, inlet, outlet), "mesh: .* with linear elements; mesh"),
         ((mesh, 1.0, [], outlet), "inlet: given no facets"),
+        ((mesh, 1.0, inlet + 0.4, outlet), "inlet: given an array of float64, .* integers, or"),
+        ((mesh, 1.0, [True, False], outlet), "inlet: given an array of bool, shape .2,., .* flags"),
         (
             (mesh, 1.0, inlet, inside),
             "outlet: given facets inside the mesh, expected facets of its",
@@ -153,6 +155,18 @@ def test_bad_meshes_and_ends():
     ):
         with pytest.raises(InputError, match="^" + text):
             darcy_conductance(*given)
+
+
+def test_facets_may_be_given_by_flags():
+    mesh = rectangle(MeshQuad, 3, 3)
+    k = np.arange(1.0, mesh.nelements + 1)
+    inlet, outlet = mesh.boundaries["in"], mesh.boundaries["out"]
+    flags = [np.isin(np.arange(mesh.nfacets), end) for end in (inlet, outlet)]
+    by_number, by_flag = (
+        darcy_conductance(mesh, k, inlet, outlet),
+        darcy_conductance(mesh, k, *flags),
+    )
+    assert by_flag.conductance == by_number.conductance
 
 
 def test_flows_that_do_not_balance_are_refused(monkeypatch):
