@@ -91,8 +91,8 @@ class ActiveSets(NamedTuple):
     in_single: bool = False
 
 
-class Gradients(NamedTuple):
-    """Result of the second part of an iteration, the conjugate gradients.
+class EnergyReduction(NamedTuple):
+    """Result of the second part of an iteration, the reduction of the energy by conjugate gradients.
 
     step : length c [Pa/m] of the next projection step.
     directions : scalars needed to continue the conjugate gradients; None to restart them.
@@ -232,22 +232,22 @@ def solve_active_sets(
         allows_single=law.allows_single and grid.pressure.size >= _SINGLE_FROM,
     )
     sets, delta = _initial_sets(solver, problem)
-    gradients = Gradients(step=grid.stiffness)
+    reduction = EnergyReduction(step=grid.stiffness)
     evaluation = Evaluation(delta, residual=inf, sets_change=True)
-    sets, evaluation = _evaluate(solver, sets, gradients, evaluation)
+    sets, evaluation = _evaluate(solver, sets, reduction, evaluation)
     evaluation = evaluation._replace(sets_change=True)
     iterations = 0
     products = 1
-    while not _is_solved(grid, problem, sets, gradients, evaluation, rtol, iterations):
+    while not _is_solved(grid, problem, sets, reduction, evaluation, rtol, iterations):
         is_converged = evaluation.residual <= rtol
         if is_converged and is_coarse:
-            loops.project(sets.n_near, sets.n_free, gradients.step, evaluation.delta, True)
+            loops.project(sets.n_near, sets.n_free, reduction.step, evaluation.delta, True)
             break
         if iterations >= limit and not is_converged:
             break
         sets_repeat = iterations >= _MONOTONE_AFTER or sets.damping < _MONOTONE_BELOW
         if sets_repeat and not is_converged and law.can_descend:
-            _change_sets(solver, sets, gradients, evaluation)
+            _change_sets(solver, sets, reduction, evaluation)
             solution = descend(grid, problem, evaluation.delta, rtol, limit - iterations)
             return solution.after(iterations, products + 1)
         iterations += 1
@@ -257,15 +257,15 @@ def solve_active_sets(
             is_rough = _SINGLE_ABOVE < evaluation.residual < sets.residual
             in_single = solver.allows_single and is_rough and not is_converged
             keep = iterations > 1
-            sets = _change_sets(solver, sets, gradients, evaluation, keep, in_single)
-            gradients = Gradients(gradients.step)
+            sets = _change_sets(solver, sets, reduction, evaluation, keep, in_single)
+            reduction = EnergyReduction(reduction.step)
             products += 1
         if is_converged:
-            gradients = Gradients(grid.stiffness)  # the returned residual is defined with c₀
+            reduction = EnergyReduction(grid.stiffness)  # the returned residual is defined with c₀
         elif sets.n_free >= 2:
-            gradients = _reduce_energy(solver, sets, gradients, evaluation)
-            products += gradients.products
-        sets, evaluation = _evaluate(solver, sets, gradients, evaluation)
+            reduction = _reduce_energy(solver, sets, reduction, evaluation)
+            products += reduction.products
+        sets, evaluation = _evaluate(solver, sets, reduction, evaluation)
     return Solution(evaluation.delta, evaluation.residual, iterations, products)
 
 
@@ -273,7 +273,7 @@ def _is_solved(
     grid: Workspace,
     problem: Problem,
     sets: ActiveSets,
-    gradients: Gradients,
+    reduction: EnergyReduction,
     evaluation: Evaluation,
     rtol: float,
     iterations: int,
@@ -283,7 +283,7 @@ def _is_solved(
     The pressure must carry the load, and its residual must be at most `rtol`. The residual must have been computed from
     a product of K with the present pressure in double precision.
     """
-    is_accurate = gradients.is_fresh and not sets.in_single
+    is_accurate = reduction.is_fresh and not sets.in_single
     if not (evaluation.residual <= rtol and is_accurate):
         return False
     if iterations > 0:
@@ -364,7 +364,7 @@ def _initial_sets(solver: _Solver, problem: Problem) -> tuple[ActiveSets, float]
 def _change_sets(
     solver: _Solver,
     sets: ActiveSets,
-    gradients: Gradients,
+    reduction: EnergyReduction,
     evaluation: Evaluation,
     keep: bool = True,
     in_single: bool = False,
@@ -375,7 +375,7 @@ def _change_sets(
     in_single : whether to compute v in single precision.
     """
     delta = evaluation.delta
-    solver.loops.project(sets.n_near, sets.n_free, gradients.step, delta, keep)
+    solver.loops.project(sets.n_near, sets.n_free, reduction.step, delta, keep)
     reach = delta + sets.margin
     product = _multiply(solver, reach, in_single)
     rounding = _SINGLE_RISE if in_single or sets.in_single else _RISE
@@ -396,8 +396,8 @@ def _change_sets(
 
 
 def _reduce_energy(
-    solver: _Solver, sets: ActiveSets, gradients: Gradients, evaluation: Evaluation
-) -> Gradients:
+    solver: _Solver, sets: ActiveSets, reduction: EnergyReduction, evaluation: Evaluation
+) -> EnergyReduction:
     """Perform a few steps of conjugate gradients, and choose the length of the next projection step.
 
     The longest permissible projection step is twice the smallest Rayleigh quotient d·d/(d·Kd) of the directions.
@@ -410,16 +410,16 @@ def _reduce_energy(
         sets.n_free,
         evaluation.delta,
         StepLimits(solver.limits.steps, drop),
-        gradients.directions if solver.law.keeps_directions else None,
+        reduction.directions if solver.law.keeps_directions else None,
     )
     longest_step = min(solver.grid.stiffness, sets.damping * 2.0 * result.least_stiffness)
-    is_fresh = gradients.is_fresh and result.steps == 0
+    is_fresh = reduction.is_fresh and result.steps == 0
     step = max(solver.shortest_step, longest_step)
-    return Gradients(step, result.directions, is_fresh, result.steps)
+    return EnergyReduction(step, result.directions, is_fresh, result.steps)
 
 
 def _evaluate(
-    solver: _Solver, sets: ActiveSets, gradients: Gradients, previous: Evaluation
+    solver: _Solver, sets: ActiveSets, reduction: EnergyReduction, previous: Evaluation
 ) -> tuple[ActiveSets, Evaluation]:
     """Compute δ and the residual, and decide whether the active sets should be changed.
 
@@ -428,14 +428,14 @@ def _evaluate(
     steps update v only at the listed points. After such a step, no new list is therefore made until K is next
     multiplied by the pressure.
     """
-    c = gradients.step
+    c = reduction.step
     delta = previous.delta
     while True:
         # r2 and y2 are ‖p − y‖² and ‖y‖². `changed_r2` is ‖p − y‖² of the `n_changed` points whose state would change.
         delta, can_carry, r2, y2, n_changed, changed_r2 = solver.law.evaluate(sets.n_near, c, delta)
         is_complete = can_carry and delta <= sets.reach
         lists_all_points = sets.reach == inf
-        if is_complete or lists_all_points or not gradients.is_fresh:
+        if is_complete or lists_all_points or not reduction.is_fresh:
             break
         # list more points: the margin grows at least by a factor of 4, so that few new lists are needed
         margin = max(4.0 * sets.margin, delta - sets.reach)

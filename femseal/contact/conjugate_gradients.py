@@ -40,7 +40,7 @@ class Directions(NamedTuple):
     wr: float
 
 
-class Gradients(NamedTuple):
+class ConjugateSteps(NamedTuple):
     """Result of a few steps of conjugate gradients.
 
     directions : scalars needed to continue the conjugate-gradient iteration after the last step.
@@ -60,7 +60,7 @@ def conjugate_gradients(
     delta: float,
     limits: StepLimits,
     directions: Directions | None = None,
-) -> Gradients:
+) -> ConjugateSteps:
     """Perform a few steps of conjugate gradients on the free points.
 
     The steps change p and v in the lists of the points near contact.
@@ -81,7 +81,7 @@ def conjugate_gradients(
 
     Returns
     -------
-    Gradients
+    ConjugateSteps
     """
     if directions is None:
         total_ones = loops.restart(n_free, delta)
@@ -102,4 +102,4 @@ def conjugate_gradients(
             break
         if curvature > 0.0:
             least_stiffness = min(least_stiffness, squared_length / curvature)
-    return Gradients(Directions(total_ones, wr), steps, least_stiffness)
+    return ConjugateSteps(Directions(total_ones, wr), steps, least_stiffness)

@@ -98,7 +98,7 @@ class WorkArrays:
         Computes the displacement due to a pressure, in double precision.
     search : Convolution
         Computes the displacement due to a search direction, in single precision.
-    points, near, free, gradients : GridPoints, NearPoints, FreePoints, GradientLists
+    points, near, free, gradient_lists : GridPoints, NearPoints, FreePoints, GradientLists
         Values of all points of the grid, lists of the points near contact and of the free points, and values of the
         conjugate gradients at the free points.
     stencil, rows, columns : array
@@ -131,7 +131,7 @@ class WorkArrays:
         near_index, free_index, place = np.empty((3, n), np.int32)
         self.near = NearPoints(near_index, *np.empty((4, n)))
         self.free = FreePoints(free_index, place)
-        self.gradients = GradientLists(*np.empty((6, n)))
+        self.gradient_lists = GradientLists(*np.empty((6, n)))
         self.stencil = stiffness_stencil(unit)
         self.rows = _index_map(unit.shape[0], unit.boundary[0])
         self.columns = _index_map(unit.shape[1], unit.boundary[1])
@@ -231,7 +231,7 @@ class Workspace:
         """Return the compiled loops, to which the arrays of this grid and the data of a problem are already passed."""
         arrays = self.arrays
         law = problem.law
-        points, near, free, lists = self.points, self.near, self.free, arrays.gradients
+        points, near, free, lists = self.points, self.near, self.free, arrays.gradient_lists
         is_divided = self.pressure.size > projection.PART
         loops = _IN_PARTS if is_divided else _UNDIVIDED
 
