@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from math import inf, sqrt
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -167,23 +167,41 @@ class StraightLaw:
         return energy > previous.energy + rounding * abs(previous.energy)
 
 
+#: What the solver does next, see `_next_action`:
+#: - "stop": the pressure is the solution, or all iterations are used up.
+#: - "project and stop": project the pressure, which is accurate enough for a coarse grid.
+#: - "descend": project the pressure, and continue by the method in `descent`.
+#: - "verify": project the pressure, which appears to be the solution, and recompute its residual from a product with K.
+#: - "change sets": change the active sets, and reduce the energy.
+#: - "reduce the energy": reduce the energy with the present active sets.
+Action = Literal[
+    "stop", "project and stop", "descend", "verify", "change sets", "reduce the energy"
+]
+
+
 class _Solver(NamedTuple):
     """What does not change during the iteration.
 
     grid : work arrays of the grid.
+    problem : gap, law and load.
     loops : compiled loops.
     law : contact law.
     limits : limits of the conjugate-gradient steps.
     rtol : target residual.
+    iteration_limit : largest number of iterations.
+    is_coarse : whether the solution is only a first guess on a finer grid, see `solve_active_sets`.
     shortest_step : smallest length c [Pa/m] of a projection step.
     allows_single : whether products with the pressure may be computed in single precision.
     """
 
     grid: Workspace
+    problem: Problem
     loops: Loops
     law: LawOnGrid
     limits: StepLimits
     rtol: float
+    iteration_limit: int
+    is_coarse: bool
     shortest_step: float
     allows_single: bool
 
@@ -224,72 +242,92 @@ def solve_active_sets(
     longest_axis = max(grid.half_space.shape)
     solver = _Solver(
         grid,
+        problem,
         loops,
         law,
         limits=_LONG_STEPS if longest_axis >= _LONG else _STEPS,
         rtol=rtol,
+        iteration_limit=limit,
+        is_coarse=is_coarse,
         shortest_step=grid.stiffness / (4 * longest_axis),
         allows_single=law.allows_single and grid.pressure.size >= _SINGLE_FROM,
     )
-    sets, delta = _initial_sets(solver, problem)
+    sets, delta = _initial_sets(solver)
     reduction = EnergyReduction(step=grid.stiffness)
     evaluation = Evaluation(delta, residual=inf, sets_change=True)
     sets, evaluation = _evaluate(solver, sets, reduction, evaluation)
     evaluation = evaluation._replace(sets_change=True)
     iterations = 0
     products = 1
-    while not _is_solved(grid, problem, sets, reduction, evaluation, rtol, iterations):
-        is_converged = evaluation.residual <= rtol
-        if is_converged and is_coarse:
+    while True:
+        action = _next_action(solver, sets, reduction, evaluation, iterations)
+        if action == "stop":
+            break
+        if action == "project and stop":
             loops.project(sets.n_near, sets.n_free, reduction.step, evaluation.delta, True)
             break
-        if iterations >= limit and not is_converged:
-            break
-        sets_repeat = iterations >= _MONOTONE_AFTER or sets.damping < _MONOTONE_BELOW
-        if sets_repeat and not is_converged and law.can_descend:
-            _change_sets(solver, sets, reduction, evaluation)
+        if action == "descend":
+            loops.project(sets.n_near, sets.n_free, reduction.step, evaluation.delta, True)
             solution = descend(grid, problem, evaluation.delta, rtol, limit - iterations)
-            return solution.after(iterations, products + 1)
+            return solution.after(iterations, products)
         iterations += 1
-        is_stale = sets.in_single and evaluation.residual < _SINGLE_UNTIL
-        if evaluation.sets_change or is_converged or is_stale or sets.n_free < 2:
-            # if the residual does not fall, rounding errors may be the reason
-            is_rough = _SINGLE_ABOVE < evaluation.residual < sets.residual
-            in_single = solver.allows_single and is_rough and not is_converged
-            keep = iterations > 1
-            sets = _change_sets(solver, sets, reduction, evaluation, keep, in_single)
-            reduction = EnergyReduction(reduction.step)
-            products += 1
-        if is_converged:
+        keep = iterations > 1  # no point keeps its initial pressure, which is only a first guess
+        if action == "verify":
+            sets = _change_sets(solver, sets, reduction, evaluation, keep, in_single=False)
             reduction = EnergyReduction(grid.stiffness)  # the returned residual is defined with c₀
-        elif sets.n_free >= 2:
-            reduction = _reduce_energy(solver, sets, reduction, evaluation)
-            products += reduction.products
+            products += 1
+        else:
+            if action == "change sets":
+                in_single = _is_single_enough(solver, sets, evaluation)
+                sets = _change_sets(solver, sets, reduction, evaluation, keep, in_single)
+                reduction = EnergyReduction(reduction.step)
+                products += 1
+            if sets.n_free >= 2:
+                reduction = _reduce_energy(solver, sets, reduction, evaluation)
+                products += reduction.products
         sets, evaluation = _evaluate(solver, sets, reduction, evaluation)
     return Solution(evaluation.delta, evaluation.residual, iterations, products)
 
 
-def _is_solved(
-    grid: Workspace,
-    problem: Problem,
+def _next_action(
+    solver: _Solver,
     sets: ActiveSets,
     reduction: EnergyReduction,
     evaluation: Evaluation,
-    rtol: float,
     iterations: int,
-) -> bool:
-    """Return whether the pressure is accepted as the solution.
+) -> Action:
+    """Decide what the solver does next, from the results of the last iteration.
 
-    The pressure must carry the load, and its residual must be at most `rtol`. The residual must have been computed from
-    a product of K with the present pressure in double precision.
+    iterations : number of iterations so far.
     """
-    is_accurate = reduction.is_fresh and not sets.in_single
-    if not (evaluation.residual <= rtol and is_accurate):
-        return False
-    if iterations > 0:
-        return True  # the projection in the iteration has made the pressure carry the load
-    # the initial pressure may carry another load
-    return abs(float(grid.points.p.sum()) - problem.load) <= _LOAD_RTOL * problem.load
+    if evaluation.residual <= solver.rtol:
+        has_accurate_v = reduction.is_fresh and not sets.in_single
+        # only the initial pressure may carry another load: the projection in each iteration restores the load
+        if has_accurate_v and (iterations > 0 or _carries_load(solver)):
+            return "stop"
+        return "project and stop" if solver.is_coarse else "verify"
+    if iterations >= solver.iteration_limit:
+        return "stop"
+    may_cycle = iterations >= _MONOTONE_AFTER or sets.damping < _MONOTONE_BELOW
+    if may_cycle and solver.law.can_descend:
+        return "descend"
+    is_stale = sets.in_single and evaluation.residual < _SINGLE_UNTIL
+    if evaluation.sets_change or is_stale or sets.n_free < 2:
+        return "change sets"
+    return "reduce the energy"
+
+
+def _carries_load(solver: _Solver) -> bool:
+    """Return whether the sum of the pressures is equal to the load of the problem."""
+    load = solver.problem.load
+    return abs(float(solver.grid.points.p.sum()) - load) <= _LOAD_RTOL * load
+
+
+def _is_single_enough(solver: _Solver, sets: ActiveSets, evaluation: Evaluation) -> bool:
+    """Return whether single precision suffices for the next product with the pressure."""
+    # if the residual does not fall, rounding errors may be the reason
+    is_rough = _SINGLE_ABOVE < evaluation.residual < sets.residual
+    return solver.allows_single and is_rough
 
 
 class Product(NamedTuple):
@@ -336,12 +374,12 @@ def _list_again(solver: _Solver, sets: ActiveSets, reach: float, margin: float) 
     return sets._replace(n_near=n_near, n_free=n_free, reach=reach, margin=margin)
 
 
-def _initial_sets(solver: _Solver, problem: Problem) -> tuple[ActiveSets, float]:
+def _initial_sets(solver: _Solver) -> tuple[ActiveSets, float]:
     """List the points near contact for the initial pressure; return the sets, and a first guess of the approach [m].
 
     If the problem has no first guess of the approach, it is the mean of v over the points in contact.
     """
-    grid = solver.grid
+    grid, problem = solver.grid, solver.problem
     # with a very small load there may be no point in contact on a coarse grid
     n_contact = max(int(np.count_nonzero(grid.points.state)), 1)
     # half of the mean pressure in the contact, converted to a length by the stiffness c₀
@@ -366,8 +404,8 @@ def _change_sets(
     sets: ActiveSets,
     reduction: EnergyReduction,
     evaluation: Evaluation,
-    keep: bool = True,
-    in_single: bool = False,
+    keep: bool,
+    in_single: bool,
 ) -> ActiveSets:
     """Change the active sets: set the pressure p to the projection y, and compute v from the new pressure.
 

@@ -14,6 +14,7 @@ from femseal.contact import (
     LinearHardening,
     active_sets,
     convolution,
+    descent,
     projection,
     solve_contact,
     workspace,
@@ -408,6 +409,19 @@ def test_steps_become_monotone_where_active_sets_go_round_in_circles(monkeypatch
     monkeypatch.setattr(active_sets, "_MONOTONE_BELOW", 0.0)
     with pytest.raises(NotConverged):
         solve_contact(h, body, pressure=0.09375 * H, hardness=H, rtol=1e-9)
+
+
+def test_monotone_steps_take_over_without_a_product_in_vain(monkeypatch):
+    """They compute the displacement of the pressure that they take over by themselves."""
+    h, body = rough((24, 24)), HalfSpace((24, 24), (D, D), E)
+
+    def no_step(grid, problem, delta, rtol, limit):
+        return descent.Solution(delta, residual=0.0, iterations=0, products=0)
+
+    monkeypatch.setattr(active_sets, "_MONOTONE_AFTER", 0)
+    monkeypatch.setattr(active_sets, "descend", no_step)
+    contact = solve_contact(h, body, pressure=0.1 * H, hardness=H)
+    assert contact.fft_pairs == 1  # that of the first guess
 
 
 # --- slender surfaces ---
