@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from difflib import get_close_matches
-from math import inf, sqrt
+from math import inf, nan, sqrt
 
 from .base import InputError, shown, validate
 
@@ -46,6 +46,8 @@ class Solid:
         Yield stress σ_y [Pa], from which the hardness H = `hardness_over_yield` · σ_y is computed.
     hardness : float, optional
         Hardness H [Pa], which is the largest contact pressure. Either the hardness or the yield stress can be given.
+        The attribute `hardness` also contains a hardness that follows from the yield stress. To change the yield stress
+        of a solid, use `dataclasses.replace(solid, yield_stress=..., hardness=None)`.
     hardness_over_yield : float
         Ratio H/σ_y > 0 of hardness to yield stress, 2.8 by default. The ratio that agrees best with von Mises
         plasticity depends on the roughness, see `docs/evidence/plastic_law.md`.
@@ -69,21 +71,22 @@ class Solid:
 
     def __post_init__(self) -> None:
         validate.number("young", self.young, unit="Pa")
-        if not -1 < self.poisson <= 0.5:
-            raise InputError("poisson", self.poisson, "a number in (-1, 0.5]")
+        _check_poisson(self.poisson)
         ratio = validate.number("hardness_over_yield", self.hardness_over_yield)
         if self.yield_stress is not None:
             yield_stress = validate.number("yield_stress", self.yield_stress, unit="Pa")
             hardness = ratio * yield_stress
             # `dataclasses.replace` passes the hardness that follows from the yield stress
             if self.hardness not in (None, hardness):
-                raise InputError("hardness", self.hardness, "yield_stress or hardness, not both")
-        elif self.hardness is not None:
-            hardness = self.hardness
-        else:
+                expected = (
+                    "yield_stress or hardness, not both; in dataclasses.replace, a new yield_stress "
+                    "together with hardness=None"
+                )
+                raise InputError("hardness", shown(self.hardness), expected)
+        elif self.hardness is None or self.hardness == inf:
             hardness = inf
-        if not hardness > 0:
-            raise InputError("hardness", hardness, "a number > 0 [Pa]")
+        else:
+            hardness = validate.number("hardness", self.hardness, unit="Pa")
         object.__setattr__(self, "hardness", hardness)
 
     @property
@@ -95,6 +98,16 @@ class Solid:
     def shear_modulus(self) -> float:
         """Shear modulus G = E/(2(1 + ν)) [Pa]."""
         return self.young / (2 * (1 + self.poisson))
+
+
+def _check_poisson(poisson: object) -> None:
+    """Raise InputError if a Poisson's ratio is not a number above -1 and at most 0.5."""
+    try:
+        value = validate.number("poisson", poisson, above=-1.0)
+    except InputError:
+        value = nan
+    if not value <= 0.5:
+        raise InputError("poisson", shown(poisson), "a number in (-1, 0.5]")
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,15 @@ def test_another_ratio_of_hardness_to_yield_stress():
         Solid(210e9, 0.3, yield_stress=500e6, hardness_over_yield=0.0)
 
 
+def test_the_yield_stress_of_a_solid_is_replaced_without_its_hardness():
+    softer = replace(STEEL, yield_stress=400e6, hardness=None)
+    assert softer == Solid(210e9, 0.3, yield_stress=400e6)
+    with pytest.raises(
+        InputError, match=r"replace, a new yield_stress together with hardness=None"
+    ):
+        replace(STEEL, yield_stress=400e6)
+
+
 def test_contact_modulus_agrees_with_its_definition():
     assert_allclose(contact_modulus(STEEL, STEEL), 210e9 / (2 * (1 - 0.09)), rtol=1e-12)
     assert_allclose(contact_modulus(STEEL), 210e9 / (1 - 0.09), rtol=1e-12)
@@ -40,13 +49,13 @@ def test_invalid_youngs_moduli_are_refused(young):
         Solid(young, 0.3)
 
 
-@pytest.mark.parametrize("poisson", [-1.0, 0.51, nan])
+@pytest.mark.parametrize("poisson", [-1.0, 0.51, nan, "0.3", None, True])
 def test_invalid_poisson_ratios_are_refused(poisson):
     with pytest.raises(InputError, match=r"^poisson: given .*a number in \(-1, 0.5\]"):
         Solid(210e9, poisson)
 
 
-@pytest.mark.parametrize("value", [0.0, -1.0, nan])
+@pytest.mark.parametrize("value", [0.0, -1.0, nan, "x", "1e9", [1e9]])
 def test_invalid_strengths_are_refused(value):
     with pytest.raises(InputError, match=r"^yield_stress: given .*> 0 \[Pa\]"):
         Solid(210e9, 0.3, yield_stress=value)
