@@ -103,9 +103,10 @@ def number(
         if isinstance(value, (str, bytes, bool)):
             raise TypeError
         checked = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
+        # an integer may be too large for a floating-point number
         checked = nan
-        value = repr(value)
+        value = shown(value)
     is_in_range = checked >= above if inclusive else checked > above
     if isfinite(checked) and is_in_range:
         return checked
@@ -160,7 +161,7 @@ def field(
         if not array.flags.carray:
             # Arrays from a cluster may be aligned differently in memory, which changes the last digits of results.
             array = np.require(array, requirements=("C", "ALIGNED"))
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         expected = f"an array (n1, n2) of real numbers [{unit}]"
         raise InputError(name, f"a {type(value).__name__}", expected) from None
     has_other_shape = shape is not None and array.shape != shape
@@ -182,7 +183,7 @@ def count(name: str, value: Any, least: int = 1) -> int:
     except TypeError:
         checked = least - 1
     if checked < least or isinstance(value, bool):
-        raise InputError(name, repr(value), f"a whole number >= {least}")
+        raise InputError(name, shown(value), f"a whole number >= {least}")
     return checked
 
 
@@ -191,7 +192,7 @@ def _pair(name: str, value: Any, check: Callable[[Any], Any], expected: str) -> 
     try:
         first, second = map(check, value)
     except (TypeError, ValueError, KeyError):
-        raise InputError(name, repr(value), f"{expected}, along x1 and x2") from None
+        raise InputError(name, shown(value), f"{expected}, along x1 and x2") from None
     return first, second
 
 
@@ -216,7 +217,7 @@ def flags(name: str, value: Any) -> Periodic:
 def axis_number(axis: Any) -> int:
     """Check that an axis is 0 (x1) or 1 (x2)."""
     if axis not in (0, 1):
-        raise InputError("axis", repr(axis), "0 (x1) or 1 (x2)")
+        raise InputError("axis", shown(axis), "0 (x1) or 1 (x2)")
     return int(axis)
 
 

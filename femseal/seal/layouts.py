@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import isfinite
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol
 
@@ -83,8 +83,8 @@ def _to_si_value(given: Any, unit: str, name: str) -> float:
     unit : SI unit, such as "m".
     name : name of the key, for messages.
     """
-    if isinstance(given, (int, float)) and not isinstance(given, bool) and isfinite(given):
-        return float(given)
+    if isinstance(given, (int, float)) and not isinstance(given, bool):
+        return validate.number(name, given, unit=unit, above=-inf)
     return to_si(given, unit, name)
 
 
@@ -287,8 +287,8 @@ class MeshLayout:
 
     def __post_init__(self) -> None:
         to_si(f"1 {self.unit}", "m", "unit")
-        if self.length is not None and not (isfinite(self.length) and self.length > 0):
-            raise InputError("length", self.length, "a length > 0 [m]")
+        if self.length is not None:
+            validate.number("length", self.length, unit="m")
         object.__setattr__(self, "lay", parse_lay(self.lay, Path(self.path).parent))
         if self.lay.name == "spiral":
             raise InputError("lay", f"'{self.lay}' on a mesh", "a spiral on a strip or a ring")

@@ -1,5 +1,6 @@
 """Tiles on seals of any shape: closed forms, invariants, two ways to the same seal, and bad input."""
 
+from functools import partial
 from math import pi
 from pathlib import Path
 
@@ -197,6 +198,8 @@ def test_lay_from_a_field(tmp_path):
         30,
         {"angle": "30 mm"},
         {"angle": True},
+        {"angle": 10**400},
+        {"angle": np.inf},
         {"field": "a"},
         {"angle": 1, "field": "a:b"},
     ],
@@ -225,6 +228,12 @@ RINGS = MESHES / "ring.msh"
         (MeshLayout, (RINGS, "um", "inlet", "outlet"), CELL, "path: given a seal 30 nm across wi"),
         (MeshLayout, (RINGS, "m", "inlet", ("outlet", "rim")), CELL, "outlet: given 'rim'"),
         (MeshLayout, (RINGS, "m", "inlet", ()), CELL, r"outlet: given \(\)"),
+        (
+            partial(MeshLayout, length="80 mm"),
+            (RINGS, "m", "inlet", "outlet"),
+            CELL,
+            r"length: given '80 mm', expected a finite number > 0 \[m\]",
+        ),
         (MeshLayout, (RINGS, "m", "inlet", "inlet"), CELL, "inlet and outlet: given boundaries"),
         (MeshLayout, (MESHES / "none.msh", "m", "a", "b"), CELL, "path: given .* an existing mes"),
     ],
