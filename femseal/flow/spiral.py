@@ -97,7 +97,7 @@ class Spiral:
         if turn < length * (1 - 1e-9):
             given = f"{to_text(turn, 'm', 3)} around a face {to_text(length, 'm', 3)} long"
             raise InputError("lay.circumference", given, "at least the length of the face")
-        if self.lead >= width:
+        if self.lead >= width * (1 - 1e-9):
             given = f"{to_text(self.lead, 'm', 3)} on a face {to_text(width, 'm', 3)} wide"
             raise InputError("lay.lead", given, "less than the width of the face")
         pixels = max(1, round(self.lead / spacing[0]))

@@ -97,10 +97,10 @@ class Lay:
         return np.tile([np.cos(angle), np.sin(angle)], (len(points), 1))
 
     def check_lead(self, breadth: float) -> None:
-        """Raise InputError if a spiral groove crosses a seal of the width `breadth` [m] in less than one turn."""
-        if self.lead > breadth:
+        """Raise InputError if a spiral groove crosses a seal of the width `breadth` [m] in one turn or less."""
+        if self.lead >= breadth * (1 - 1e-9):
             given = f"{to_text(self.lead, 'm')} on a seal {to_text(breadth, 'm', 3)} wide"
-            expected = "at most the width: a groove would cross the seal within a turn"
+            expected = "less than the width: a groove would cross the seal within a turn"
             raise InputError("lay.lead", given, expected)
 
     def __str__(self) -> str:

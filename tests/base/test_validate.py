@@ -23,7 +23,7 @@ def test_a_length_of_too_many_digits_is_refused():
 
 
 def test_counts_of_too_many_digits_are_refused():
-    with pytest.raises(InputError, match="^n: given .*, expected a whole number >= 1"):
+    with pytest.raises(InputError, match=r"^n: given .*, expected a whole number >= 1"):
         validate.count("n", -HUGE)
 
 

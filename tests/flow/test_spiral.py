@@ -281,6 +281,7 @@ def test_a_measured_face_with_grooves_is_asked_whether_they_wind(tmp_path, lay, 
         (parse_lay, {"starts": 0}, "lay.starts: given 0"),
         (parse_lay, {"turns": 2}, "lay: given"),
         (lambda lay: AnnularLayout(1e-3, 2e-3, lay=lay), {"lead": "2 mm"}, "lay.lead: .* 1 mm"),
+        (lambda lay: AnnularLayout(1e-3, 2e-3, lay=lay), {"lead": "1 mm"}, "less than the width"),
         (lambda lay: MeshLayout("a.msh", "in", "out", "mm", lay), {}, "lay: .* on a mesh"),
         (drawn, {"lead": "1 mm"}, "lay.lead: given 1 mm on a seal 128 µm wide"),
         (
