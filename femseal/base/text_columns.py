@@ -6,7 +6,6 @@ The first line contains the names of the columns. Lines that begin with # are co
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ _DELIMITERS = ",;\t"
 
 
 class TextRow(NamedTuple):
-    """A line of a text file: its number in the file, its text, and the text in each column."""
+    """A row of a text file: the number of its first line in the file, its text, and the text in each column."""
 
     number: int
     line: str
@@ -45,12 +44,12 @@ def text_rows(file: Path, what: str = "path") -> list[TextRow]:
     Returns
     -------
     list of TextRow
-        One row for each line.
+        One row for each line. Lines that are joined by quotes are a single row.
 
     Raises
     ------
     InputError
-        The file cannot be read or is empty.
+        The file cannot be read or is empty, or a column has more than 131,072 characters.
     """
     try:
         with within_free_memory():
@@ -63,14 +62,22 @@ def text_rows(file: Path, what: str = "path") -> list[TextRow]:
         raise InputError(what, f"'{file}', which is empty", "a text with columns")
     first_line = next(iter(lines.values()))
     delimiter = max(_DELIMITERS, key=first_line.count)
-    entries: Iterable[list[str]]
-    if delimiter in first_line:
-        entries = csv.reader(lines.values(), delimiter=delimiter)
-    else:
-        entries = map(str.split, lines.values())
-    # the reader of .csv files may join lines inside quotes, so that there may be fewer entries than lines
-    numbered_lines = zip(lines.items(), entries, strict=False)
-    return [TextRow(number, line, row) for (number, line), row in numbered_lines]
+    if delimiter not in first_line:
+        return [TextRow(number, line, line.split()) for number, line in lines.items()]
+    numbers = list(lines)
+    rows = []
+    reader = csv.reader((f"{line}\n" for line in lines.values()), delimiter=delimiter)
+    first = 0  # index of the first line of the row; a row with a line break inside quotes has several lines
+    try:
+        for entries in reader:
+            end = reader.line_num  # number of lines that have been read
+            text = " ".join(lines[number] for number in numbers[first:end])
+            rows.append(TextRow(numbers[first], text, entries))
+            first = end
+    except csv.Error as error:
+        given = f"'{file}' with the line {numbers[first]} ({error})"
+        raise InputError(what, given, "a text with columns") from None
+    return rows
 
 
 def columns_of(file: Path) -> list[str]:
