@@ -15,7 +15,7 @@ by its `kind`, and the parameters of the class are keys of the case.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, inf, log, nan
+from math import cos, inf, log, nan, pi
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -73,7 +73,7 @@ class _OnFaces:
     surface_tension : float, optional
         Surface tension γ [N/m], for `capillary_entry_pressure`.
     contact_angle : float, optional
-        Contact angle θ [rad], for `capillary_entry_pressure`.
+        Contact angle θ from 0 to π [rad], for `capillary_entry_pressure`.
     slip_length : float
         Slip length b on both faces [m], see `femseal.flow.law.SlipLength`.
     bulk_modulus : float, optional
@@ -93,7 +93,7 @@ class _OnFaces:
     )
     contact_angle: float | None = parameter(
         "rad",
-        "a contact angle >= 0",
+        "a contact angle from 0 to 180°",
         "110 deg",
         "contact angle of the liquid on the surfaces",
         usual=(1e-3, 3.15),
@@ -122,6 +122,9 @@ class _OnFaces:
 
     def __post_init__(self) -> None:
         check_parameters(self)
+        if self.contact_angle is not None and self.contact_angle > pi * (1 + 1e-9):
+            expected = "an angle from 0 to π [rad], that is, from 0 to 180°"
+            raise InputError("contact_angle", self.contact_angle, expected)
 
     @property
     def reference_density(self: Any) -> float:

@@ -96,11 +96,13 @@ class LoadProgramme(tuple[LoadStep, ...]):
         Raises
         ------
         InputError
-            A list is empty or not rising, a pressure is negative or not finite, or a peak has no pressure below it.
+            The unit is unknown, a list is empty or not rising, a pressure is negative or not finite, or a peak has no
+            pressure below it.
         """
-        loading = _check_pressures("loading", loading)
-        unload_from = _check_pressures("unload_from", unload_from)
-        unloading = _check_pressures("unloading", unloading)
+        _check_unit(unit)
+        loading = _check_loads("loading", loading, unit)
+        unload_from = _check_loads("unload_from", unload_from, unit)
+        unloading = _check_loads("unloading", unloading, unit)
         if not loading:
             raise InputError("loading", "an empty list", f"at least one {_LOAD_NAMES[unit]}")
         if any(b <= a for a, b in pairwise(loading)):
@@ -195,14 +197,13 @@ def nominal_pressure(load: float, unit: str, *, area: float, length: float) -> f
     >>> nominal_pressure(10e3, "N", area=1e-4, length=0.1), nominal_pressure(200e3, "N/m", area=1e-4, length=0.1)
     (100000000.0, 200000000.0)
     """
+    _check_unit(unit)
     if unit == "Pa":
         pressure = load
     elif unit == "N":
         pressure = load / area
-    elif unit == "N/m":
-        pressure = load * (length / area)
     else:
-        raise InputError("unit", unit, f"one of {', '.join(LOAD_UNITS)}")
+        pressure = load * (length / area)
     return _rounded(pressure)
 
 
@@ -307,11 +308,19 @@ def _loads_text(loads: Sequence[float], unit: str) -> str:
     return ", ".join(to_text(load, unit) for load in loads) or "an empty list"
 
 
-def _check_pressures(name: str, values: Sequence[float]) -> list[float]:
-    """Check that `values` is a list of finite pressures >= 0 [Pa], and return it."""
+def _check_unit(unit: str) -> None:
+    """Raise InputError if a unit of loads is not one of `LOAD_UNITS`."""
+    if unit not in LOAD_UNITS:
+        raise InputError("unit", unit, f"one of {', '.join(LOAD_UNITS)}")
+
+
+def _check_loads(name: str, values: Sequence[float], unit: str) -> list[float]:
+    """Check that `values` is a list of finite loads >= 0 in the unit `unit`, and return it."""
     try:
-        return [validate.number(name, p, unit="Pa", inclusive=True) for p in values]
+        return [validate.number(name, load, inclusive=True) for load in values]
     except (TypeError, InputError):
         is_list = np.iterable(values) and not isinstance(values, str)
         given = list(values) if is_list else values
-        raise InputError(name, given, "a list of finite pressures >= 0 [Pa]") from None
+        raise InputError(
+            name, given, f"a list of finite {_LOAD_NAMES[unit]}s >= 0 [{unit}]"
+        ) from None

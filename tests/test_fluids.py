@@ -54,6 +54,13 @@ def test_reference_densities():
     assert Liquid(1e-3).reference_density == 1000.0
 
 
+@pytest.mark.parametrize("angle", [-0.1, 4.0, 120.0])
+def test_a_contact_angle_is_at_most_180_degrees(angle):
+    assert Liquid(1e-3, contact_angle=np.pi).contact_angle == np.pi
+    with pytest.raises(InputError, match=r"^contact_angle: given"):
+        Liquid(1e-3, contact_angle=angle)
+
+
 @pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
 def test_properties_must_be_finite_and_positive(bad):
     with pytest.raises(InputError, match=r"^viscosity: given .*> 0 \[Pa·s\]"):

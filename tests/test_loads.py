@@ -88,3 +88,11 @@ def test_loads_that_do_not_rise_are_answered_in_their_unit():
         with pytest.raises(InputError) as caught:
             LoadProgramme.of([1e6, 2e6], [2e6], [3e6], unit=unit)
         assert f"below the peak, {texts.partition(',')[0]}" in caught.value.expected
+        with pytest.raises(InputError) as caught:
+            LoadProgramme.of([1e6, -2e6], unit=unit)
+        assert caught.value.expected == f"a list of finite {name} >= 0 [{unit}]"
+
+
+def test_an_unknown_unit_of_loads_is_refused():
+    with pytest.raises(InputError, match=r"^unit: given psi, expected one of Pa, N, N/m"):
+        LoadProgramme.of([1.0], unit="psi")

@@ -77,8 +77,9 @@ def solve_contact(
     Raises
     ------
     InputError
-        An array has a wrong shape or undefined points, the contact law cannot carry the nominal pressure, or the
-        surfaces separate because the nominal pressure is less than the mean fluid pressure.
+        An array has a wrong shape or undefined points, the earlier deformation is negative, the contact law cannot
+        carry the nominal pressure, or the surfaces separate because the nominal pressure is less than the mean fluid
+        pressure.
     NotConverged
         The residual did not fall below `rtol`, or the tangents of a curved law still changed after 100 contacts.
 
@@ -104,6 +105,9 @@ def solve_contact(
     law = contact_law(hardness)
     if deformation is not None:
         deformation = validate.field("deformation", deformation, unit="m", shape=shape, copy=False)
+        least = float(deformation.min())
+        if least < 0:
+            raise InputError("deformation", f"down to {least:g} m", "plastic deformations >= 0 [m]")
         gap = gap + deformation
         law = law.after(deformation)
     n_threads = thread_count() if threads is None else validate.count("threads", threads)
@@ -176,5 +180,5 @@ def _checked_pressure(pressure: float, law: ContactLaw) -> float:
 def check_capacity(name: str, pressure: float, law: ContactLaw) -> None:
     """Raise InputError for the parameter `name` if a mean pressure [Pa] exceeds the capacity of a law."""
     if pressure > law.capacity * (1 + 1e-12):
-        expected = f"at most the mean hardness, {law.capacity:g} Pa"
+        expected = f"at most {law.capacity:g} Pa, the largest mean pressure that points of this hardness carry"
         raise InputError(name, f"{pressure:g} Pa", expected)
