@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from os import PathLike
 from typing import Any, ClassVar
 
@@ -85,6 +86,11 @@ class MeshSeal:
         )
         return inlet, outlet
 
+    @cached_property
+    def _operators(self) -> MeshOperators:
+        """Element matrices, which are stored because the flow may be computed for many permeabilities."""
+        return MeshOperators(self.mesh, self.ends)
+
     @property
     def length(self) -> float:
         """Length of the outlet [m]."""
@@ -131,7 +137,7 @@ class MeshSeal:
         """
         check_solver(solver, self.solvers)
         tensor = permeability_tensors(permeability, self.mesh.nelements)
-        return MeshOperators(self.mesh, self.ends).flow(tensor, bounds=bounds, solver=solver)
+        return self._operators.flow(tensor, bounds=bounds, solver=solver)
 
     def conforming_flow(self, permeability: Any, *, solver: str = "auto") -> DarcyFlow:
         """Compute the flow without bounds, see `flow`."""

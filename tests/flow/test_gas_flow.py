@@ -11,7 +11,7 @@ from small_cases import scene_of_fluid
 
 import femseal as fs
 from femseal.face.cell_flow import FlowSettings, cell_permeabilities, solve_surface_flow
-from femseal.flow import CubicLaw, FlowLaw
+from femseal.flow import CubicLaw, FlowLaw, mesh
 from femseal.flow.grid import gap_on_links
 from femseal.flow.law import flow_rate
 from femseal.flow.permeability_table import PermeabilityTable, PressureCurve, table_pressures
@@ -195,6 +195,31 @@ def test_strips_and_meshes_agree(inlet, outlet):
         found = fs.seal_leakage(seal, k, HELIUM, inlet_pressure=inlet, outlet_pressure=outlet)
         exact = 2 * 1e-21 / 12 * mean_factor(1e-7, inlet, outlet)
         assert_allclose(found.conductance, exact, rtol=5e-3)
+
+
+def test_all_iterations_on_a_mesh_use_the_same_element_matrices(monkeypatch):
+    square = (
+        MeshQuad()
+        .refined(2)
+        .with_boundaries({"in": lambda x: x[0] == 0, "out": lambda x: x[0] == 1})
+    )
+    seal = fs.MeshSeal(square, "in", "out")
+    flows = []
+    assemblies = []
+
+    def counted(function, calls):
+        def call(*arguments, **options):
+            calls.append(arguments)
+            return function(*arguments, **options)
+
+        return call
+
+    monkeypatch.setattr(mesh, "_local_matrices", counted(mesh._local_matrices, assemblies))
+    monkeypatch.setattr(mesh.MeshOperators, "flow", counted(mesh.MeshOperators.flow, flows))
+    gaps = 1e-7 * np.exp(np.random.default_rng(7).standard_normal(seal.mesh.nelements))
+    fs.seal_leakage(seal, table(gaps, 2e5, 1e4), HELIUM, inlet_pressure=2e5, outlet_pressure=1e4)
+    assert len(flows) > 2
+    assert len(assemblies) == 1
 
 
 def test_the_law_of_a_cell():
