@@ -6,8 +6,9 @@ from math import inf, nan
 import pytest
 from numpy.testing import assert_allclose
 
+import femseal as fs
 from femseal.base import InputError
-from femseal.materials import Solid, contact_modulus
+from femseal.materials import METALS, Solid, contact_modulus, named_solid
 
 STEEL = Solid(210e9, 0.3, yield_stress=500e6)
 COPPER = Solid(120e9, 0.34, hardness=600e6)
@@ -66,3 +67,24 @@ def test_invalid_strengths_are_refused(value):
 def test_yield_stress_and_hardness_together_are_refused():
     with pytest.raises(InputError, match=r"^hardness: given .*yield_stress or hardness, not both"):
         Solid(210e9, 0.3, yield_stress=500e6, hardness=1e9)
+
+
+def test_ten_metals_have_values_and_sources():
+    assert len(METALS) == 10
+    for name, (solid, source) in METALS.items():
+        assert 60e9 < solid.young < 220e9
+        assert 0.25 < solid.poisson < 0.4
+        assert 10e6 < solid.yield_stress < 1.2e9
+        assert source
+        assert fs.named_solid(name.upper()) is solid
+
+
+@pytest.mark.parametrize(
+    ("given", "nearest"),
+    [("copper", "copper, soft"), ("coper, soft", "copper, soft"), ("304", "steel 304/316, annealed"),
+     ("inconel", "Inconel 718, aged"), ("316L", "steel 304/316, annealed"), ("AlMg 6061", "aluminium 6061-T6")],
+)  # fmt: skip
+def test_an_unknown_name_is_told_the_nearest(given, nearest):
+    said = rf"^name: given '{given}', expected one of .*; perhaps meant: '{nearest}'$"
+    with pytest.raises(fs.InputError, match=said):
+        named_solid(given)

@@ -1,11 +1,9 @@
 """Fluids by name: the table, CoolProp, and names in a case."""
 
-import re
 import sys
 
 import pytest
 from numpy.testing import assert_allclose
-from small_cases import CASE
 
 import femseal as fs
 from femseal.fluids import FLUIDS
@@ -111,34 +109,3 @@ def test_without_coolprop_a_message_lists_the_table(monkeypatch):
             fs.InputError, match=r"methane at 20 °C; .*pip install 'femseal\[fluids\]'"
         ):
             named_fluid(name, temperature)
-
-
-NAMED = 'name = "helium"\ninlet_pressure = "1 MPa"\n'
-
-
-@pytest.mark.parametrize(
-    ("table", "said"),
-    [
-        ("", None),
-        ('viscosity = "30 uPa*s"\n', None),
-        ('viscosity = "1 mPa*s"\n', r"viscosity 1 mPa·s is 51 times that of helium, 19.62 µPa·s"),
-        ('molar_mass = "1 g/mol"\n', r"molar_mass .* is 4 times less than that of helium"),
-        ('kind = "liquid"\n', r"kind liquid is used for helium, which is of kind ideal-gas"),
-    ],
-)
-def test_a_key_left_from_another_fluid_is_warned_of(tmp_path, table, said):
-    """Of a test fluid too; it is no key of a case."""
-    path = tmp_path / "case.toml"
-    own = re.sub(r'kind = "liquid"\nvis.*\n.*\n', NAMED + table, CASE)
-    for place, text in (
-        ("fluid", own),
-        ("output.test_fluid", f"{CASE}[output.test_fluid]\n{NAMED}{table}"),
-    ):
-        path.write_text(text)
-        case = fs.load_case(path)
-        warned = [re.search(rf"^{place}\.{said}", text) for text in case.named_warnings]
-        assert [bool(found) for found in warned] == ([] if said is None else [True])
-        assert "named_warnings" not in case.echo()
-    path.write_text(f"named_warnings = []\n{CASE}")
-    with pytest.raises(fs.InputError, match="named_warnings"):
-        fs.load_case(path)

@@ -1,11 +1,13 @@
-"""Compiled loops give the same results from Python and from compiled code, and compiled code contains them once."""
+"""Compiled loops: the same results from Python and from compiled code, contained once; threads are those of the caller."""
 
 import numpy as np
 import pytest
 from numba import njit
 from numba.core import event
+from test_machine import in_thread
 
 from femseal.base import compiled
+from femseal.base.compiled import on_threads, thread_count, using_threads
 
 
 def _square_sum(first, end, values, squares):
@@ -73,3 +75,14 @@ def test_compiled_code_contains_a_loop_over_rows_once(without_cache):
     np.testing.assert_array_equal(from_python, expected)
     assert functions.count("_add_neighbours") == 0
     assert functions.count("run_once") == 1
+
+
+def test_threads_are_those_of_the_caller():
+    with using_threads(2):
+        assert (thread_count(), in_thread(thread_count)) == (2, 1)
+        # a helper of a loop does not share its part again
+        assert set(on_threads(2, lambda _: thread_count(), range(8))) <= {1, 2}
+        with using_threads(3):
+            assert thread_count() == 3
+        assert thread_count() == 2
+    assert thread_count() == 1

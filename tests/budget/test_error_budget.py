@@ -1,4 +1,4 @@
-"""The error budget: grid convergence, parts and their combination."""
+"""The error budget of studies and of runs, and the errors of pixels, filter and measured patches."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from small_cases import SWEPT, steel_scene
 import femseal as fs
 from femseal.budget import CoarserSolution, ErrorPart
 from femseal.budget.estimates import median_interval
-from femseal.budget.leakage_changes import expected_sensitivity, scale_of_changes, sensitivity
+from femseal.budget.leakage_changes import expected_sensitivity, sensitivity
 from femseal.budget.missing_waves import filter_part
 from femseal.budget.pixel_size import pixels_part
 from femseal.budget.versions import coarser_points
@@ -31,49 +31,9 @@ def part(name, below, above, upper_sealed=0.0):
     return ErrorPart(name, made.lower, upper, "")
 
 
-def test_parts_combine_as_the_root_of_the_sum_of_squares_of_logarithms():
-    budget = fs.ErrorBudget(
-        "deterministic", Q, (part("a", [3e-2] * 3, [0.3] * 3), part("b", [4e-2] * 3, [0.4] * 3))
-    )
-    assert_allclose(budget.lower[:2], Q[:2] * np.exp(-0.05))
-    assert_allclose(budget.upper[:2], Q[:2] * np.exp(0.5))
-    assert_allclose(budget.half_width(), [0.5, 0.5, 0.0])
-    assert budget.limiting() == "b"
-
-
-def test_sealed_steps_and_steps_that_may_be_sealed():
-    parts = part("a", [0.1, np.inf, 0], [0.1, 0.1, 0], 0.2), part("b", [0.2] * 3, [0.1] * 3, 0.3)
-    budget = fs.ErrorBudget("deterministic", Q, parts)
-    assert_allclose(budget.lower, [4 * np.exp(-np.hypot(0.1, 0.2)), 0.0, 0.0])
-    assert budget.upper[2] == 0.3
-    assert budget.half_width(1) == budget.half_width(2) == np.inf
-    assert budget.limiting(1) == "a"
-    unknown = fs.ErrorBudget("deterministic", Q, (part("a", [0.1, np.nan, 0], [0.1, np.nan, 0]),))
-    for known in (unknown.lower, unknown.upper, unknown.half_width()):
-        assert np.isnan(known).tolist() == [False, True, False]
-
-
-def test_a_widened_part_has_its_distances_times_a_factor():
-    wide = part("a", [0.1, 0.2, 0], [0.3, 0.1, 0], 0.2).widened(Q, np.array([1.0, 3.0, 3.0]))
-    assert_allclose(wide.lower, [4 * np.exp(-0.1), np.exp(-0.6), 0.0])
-    assert_allclose(wide.upper, [4 * np.exp(0.3), np.exp(0.3), 0.2])
-    closed = part("a", [0.1, np.inf, 0], [0.3, np.nan, 0]).widened(Q, np.full(3, 3.0))
-    assert closed.lower[1] == 0
-    assert np.isnan(closed.upper[1])
-
-
 # --- coarser solutions ---------------------------------------------------------------------------------------------
 
-STEPS = LoadProgramme.of([1e7, 1e8, 2e8, 4e8], [4e8], [2e8, 1e8])
 UNLOADING = {"unload_from": (1e9,), "unloading": (6e8, 1e8)}
-
-
-def test_changes_where_one_or_both_are_sealed():
-    q = np.array([8.0, 5.0, 0.0, 0.0, 0.0, 1.0])
-    other = np.array([8.0, 0.0, 2.0, 0.0, 0.0, np.nan])
-    change = CoarserSolution((8, 8), other).change(q)
-    assert change[:5].tolist() == [0.0, -np.inf, np.inf, 0.0, 0.0]
-    assert np.isnan(change[5])
 
 
 @pytest.fixture(scope="module")
@@ -322,52 +282,3 @@ def test_cells_keep_eight_pixels_on_coarser_points():
     assert coarser_points((60, 96), (40, 64)) == (40, 64)
     assert coarser_points((30, 36), (24, 32)) is None
     assert coarser_points((136, 128), divide_by=(8, 8)) == (72, 64)
-
-
-# --- bands of loads beside each other ------------------------------------------------------------------------------
-
-
-def test_bands_end_where_those_of_other_loads_do():
-    """No load leaks more than a lower one, and unloading no more than loading and no less than its peak."""
-    q = np.array([8.0, 5.0, 4.0, 1.0, 1.5, 2.0])
-    wide = ErrorPart(
-        "a",
-        np.array([7.0, 0.1, 3.0, 0.5, 0.1, 1.9]),
-        np.array([9.0, 20.0, 4.5, 50.0, 30.0, 2.5]),
-        "",
-    )
-    budget = fs.ErrorBudget("deterministic", q, (wide,), STEPS)
-    assert_allclose(budget.upper, [9.0, 9.0, 4.5, 4.5, 4.5, 4.5])
-    assert_allclose(budget.lower, [7.0, 3.0, 3.0, 0.5, 0.5, 1.9])
-    assert_allclose(replace(budget, steps=None).upper, wide.upper)
-
-
-def test_a_leakage_that_rises_with_the_load_leaves_the_bands_as_they_are():
-    q = np.array([8.0, 5.0, 6.0, 1.0, 1.5, 2.0])
-    wide = ErrorPart("a", 0.1 * q, 10 * q, "")
-    assert_allclose(fs.ErrorBudget("stochastic", q, (wide,), STEPS).upper, 10 * q)
-    # unknown ends stay unknown beside known ones
-    known = np.where(q == 5, np.nan, np.sort(q)[::-1])
-    budget = fs.ErrorBudget(
-        "deterministic", q, (ErrorPart("a", 0.5 * known, 2 * known, ""),), STEPS
-    )
-    for ends in (budget.lower, budget.upper):
-        assert np.isnan(ends).tolist() == [n == 1 for n in range(6)]
-
-
-def test_what_a_peak_may_leak_its_unloading_may_leak_as_well():
-    q = np.array([8.0, 5.0, 4.0, 1.0, 1.5, 2.0])
-    upper = np.array([9.0, 9.0, 9.0, 6.0, 2.0, 2.5])
-    budget = fs.ErrorBudget("stochastic", q, (ErrorPart("a", 0.5 * q, upper, ""),), STEPS)
-    assert_allclose(budget.upper, [9.0, 9.0, 9.0, 6.0, 6.0, 6.0])
-    sealed = np.array([8.0, 5.0, 4.0, 0.0, 0.0, 1e-3])
-    budget = fs.ErrorBudget("stochastic", sealed, (ErrorPart("a", 0.5 * sealed, upper, ""),), STEPS)
-    assert (budget.upper[4:] >= budget.upper[3]).all()
-
-
-def test_an_unknown_change_is_that_of_the_nearest_steps_and_a_shift_of_the_load():
-    steps = LoadProgramme.of([1e8, 2e8, 3e8, 4e8])
-    change, slope = np.array([0.2, 0.4, np.nan, np.nan]), np.array([1.0, 2.0, 3.0, 4.0])
-    nearest, shift = np.sqrt((0.2**2 + 0.4**2) / 2), 0.2
-    found = scale_of_changes(steps, change, slope)
-    assert_allclose(found, np.hypot(nearest, slope * shift))

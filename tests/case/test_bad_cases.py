@@ -15,7 +15,6 @@ import pytest
 from small_cases import STRIP, steel_scene
 
 import femseal as fs
-from femseal.base.machine import within_free_memory
 from femseal.case import explanations, parse_case
 from femseal.preparation import prepare
 from femseal.report import write_report
@@ -305,18 +304,6 @@ def test_text_that_is_no_case_is_refused(tmp_path, text):
     refusal(fs.load_case, tmp_path / "case.toml")
 
 
-@pytest.mark.skipif(sys.platform != "linux", reason="the limit is that of Linux")
-def test_memory_is_refused_instead_of_ending_the_process(monkeypatch):
-    import resource
-
-    before = resource.getrlimit(resource.RLIMIT_AS)
-    monkeypatch.setattr("femseal.base.machine.free_memory", lambda: 5e8)
-    with pytest.raises(MemoryError), within_free_memory():
-        bytearray(2_000_000_000)
-    assert resource.getrlimit(resource.RLIMIT_AS) == before
-    bytearray(2_000_000_000)
-
-
 # --- sizes ------------------------------------------------------------------------------------------------
 
 
@@ -501,9 +488,6 @@ def test_attributes_and_fields_of_results_of_another_kind_are_refused(folder):
                 file.attrs["warnings"] = value
         refusal(fs.open_results, folder)
         path.write_bytes(whole)
-
-
-# --- keys of the case -------------------------------------------------------------------------------------
 
 
 # --- the command line -------------------------------------------------------------------------------------

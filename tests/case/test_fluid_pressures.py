@@ -8,8 +8,6 @@ from numpy.testing import assert_allclose
 from small_cases import CASE
 
 import femseal as fs
-from femseal.base import to_si
-from femseal.base.quantities import absolute_pressure
 from femseal.case import case_schema, parse_case
 from femseal.preparation import prepare
 
@@ -23,75 +21,6 @@ def case_of(folder, table, more=""):
     path = folder / "case.toml"
     path.write_text(re.sub(r'kind = "liquid"\nvis.*\n.*\n', table, CASE) + more)
     return path
-
-
-@pytest.mark.parametrize(
-    ("text", "value"),
-    [
-        ("10 bar(g)", 1e6 + ATMOSPHERE),
-        ("10 bar (g)", 1e6 + ATMOSPHERE),
-        ("10barg", 1e6 + ATMOSPHERE),
-        ("10 bar g", 1e6 + ATMOSPHERE),
-        ("10 barG", 1e6 + ATMOSPHERE),
-        ("10 bar(ü)", 1e6 + ATMOSPHERE),
-        ("150 psi(g)", 150 * PSI + ATMOSPHERE),
-        ("150 psig", 150 * PSI + ATMOSPHERE),
-        ("3 kPag", 3e3 + ATMOSPHERE),
-        ("-0.5 bar(g)", ATMOSPHERE - 5e4),
-        ("0 bar(g)", ATMOSPHERE),
-        ("2 atm(g)", 3 * ATMOSPHERE),
-        ("10 bar(a)", 1e6),
-        ("10 bara", 1e6),
-        ("150 psia", 150 * PSI),
-        ("0 bar(a)", 0.0),
-    ],
-)
-def test_what_a_pressure_is_counted_from(text, value):
-    assert_allclose(absolute_pressure(text, ATMOSPHERE), value, rtol=1e-12)
-    with pytest.raises(
-        fs.InputError, match=r"^load: given .*, expected a pressure without \(g\) or \(a\)"
-    ):
-        to_si(text, "Pa", "load")
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        "10 bar",
-        "10 Pa",
-        "1 psi",
-        "3 mmHg",
-        "10 g",
-        "10 bar*g",
-        "10 kg",
-        10.0,
-        None,
-        "",
-        "(g)" * 100,
-    ],
-)
-def test_what_says_neither(text):
-    assert absolute_pressure(text, ATMOSPHERE) is None
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        (
-            "-2 bar(g)",
-            r"given '-2 bar\(g\)', expected a pressure of at least -101.3 kPa, the pressure of a vacuum",
-        ),
-        ("-1 bar(a)", "expected a pressure of at least 0 Pa, the pressure of a vacuum"),
-        ("1,5 bar(g)", r"given '1,5 bar\(g\)', expected a number with a decimal point"),
-        ("10 bar(g)(a)", "without"),
-        ("10 mm(g)", "of the kind 'Pa'"),
-        ("barg", "of the kind 'Pa'"),
-        ("10 (g)", "of the kind 'Pa'"),
-    ],
-)
-def test_refused(text, said):
-    with pytest.raises(fs.InputError, match=said):
-        absolute_pressure(text, ATMOSPHERE, "fluid.inlet_pressure")
 
 
 def ends(case):

@@ -17,7 +17,7 @@ from femseal.contact import (
     load_cycle,
     softer_of,
 )
-from femseal.contact.law import SofterOf
+from femseal.contact.law import SofterOf, contact_law
 from femseal.topography import self_affine
 
 SOFT = STUDIED[-1]
@@ -204,3 +204,109 @@ def test_the_softer_face_yields_and_where_curves_cross_the_softer_at_each_depth(
 def test_bad_curves_are_named(law, given, words):
     with pytest.raises(fs.InputError, match=words):
         law(*given)
+
+
+def test_a_point_yields_at_the_substrate_once_the_coating_is_through():
+    face = fs.self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.2, rng=3, roll_off=2e-5)
+    body = fs.Coated(
+        fs.Solid(200e9, 0.3, hardness=600e6), fs.Solid(80e9, 0.37, hardness=150e6), 2e-7
+    )
+    half_space = fs.HalfSpace(face.shape, face.spacing, (body, None))
+    law = fs.CoatedLaw.of(body)
+    gap0 = face.heights.max() - face.heights
+    contact = fs.solve_contact(gap0, half_space, pressure=8e7, hardness=law, rtol=1e-5)
+    u, p = contact.plastic_deformation, contact.pressure
+    # a residual of 1e-5 of the pressures, whose slope in the passage is steep
+    assert_allclose(p[u > 0], law.yield_pressure(u[u > 0]), rtol=1e-2)
+    through = u > 1.1 * body.thickness
+    assert through.any()
+    assert_allclose(p[through], 600e6, rtol=1e-4)
+
+
+class Counted(fs.CoatedLaw):
+    """A law that counts the points at which it is evaluated."""
+
+    def __init__(self, *given):
+        super().__init__(*given)
+        object.__setattr__(self, "points", [])
+
+    def yield_pressure(self, deformation=0.0):
+        self.points.append(np.size(deformation))
+        return super().yield_pressure(deformation)
+
+
+@pytest.mark.parametrize(("thickness", "most"), [(20e-6, 0.02), (5e-7, 20.0)])
+def test_a_coating_costs_no_evaluation_at_points_that_stay_in_it(thickness, most):
+    face = fs.self_affine((64, 64), (64e-6, 64e-6), hurst=0.8, rms_slope=0.1, rng=3, roll_off=2e-5)
+    body = fs.Coated(*(fs.named_solid(n) for n in ("Inconel 718, aged", "silver, annealed")), 2e-5)
+    half_space = fs.HalfSpace(face.shape, face.spacing, (body, None))
+    gap0 = face.heights.max() - face.heights
+    plain, steel = (contact_law(solid.hardness) for solid in (body.layer, body.substrate))
+    law = Counted(plain, steel, thickness)
+    assert law.pieces.has_constant_end
+    law.points.clear()
+    contact = fs.solve_contact(gap0, half_space, pressure=1.4e8, hardness=law)
+    assert contact.plastic_fraction > 0.4
+    assert sum(law.points) < most * gap0.size
+    if contact.plastic_deformation.max() < thickness:
+        metal = fs.solve_contact(gap0, half_space, pressure=1.4e8, hardness=plain)
+        np.testing.assert_array_equal(contact.pressure, metal.pressure)
+        assert contact.fft_pairs == metal.fft_pairs
+    else:
+        u, p = contact.plastic_deformation, contact.pressure
+        assert (u > thickness).any()
+        assert_allclose(p[u > 0], law.yield_pressure(u[u > 0]), rtol=1e-3)
+
+
+def test_unloading_from_a_coating_is_that_of_its_metal_until_it_is_through():
+    face = fs.self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.2, rng=3, roll_off=2e-5)
+    solids = fs.Solid(200e9, 0.3, hardness=600e6), fs.Solid(80e9, 0.37, hardness=150e6)
+    gap0 = face.heights.max() - face.heights
+    for thickness in (1e-5, 3e-7):
+        body = fs.Coated(*solids, thickness)
+        half_space = fs.HalfSpace(face.shape, face.spacing, (body, None))
+        law = fs.CoatedLaw.of(body)
+
+        def solve(pressure, **given):
+            return fs.solve_contact(gap0, half_space, pressure=pressure, **given)  # noqa: B023
+
+        peak = solve(8e7, hardness=law)
+        yielded = peak.plastic_deformation
+        # at the load of the peak the state of the peak returns, whether or not the coating is through
+        again = solve(8e7, hardness=law, deformation=yielded)
+        assert_allclose(again.gap, peak.gap, rtol=0, atol=1e-6 * np.ptp(gap0))
+        if yielded.max() < thickness:
+            half, metal = (solve(4e7, hardness=h, deformation=yielded) for h in (law, 150e6))
+            assert_allclose(half.gap, metal.gap, rtol=0, atol=1e-9 * np.ptp(gap0))
+
+
+@pytest.mark.parametrize("thickness", [2e-7, 2e-6, 2e-5])
+@pytest.mark.parametrize("pressure", [150e6, 200e6, 590e6])
+def test_a_pressure_above_the_hardness_of_the_coating_presses_all_of_it_aside(thickness, pressure):
+    solids = fs.Solid(200e9, 0.3, hardness=600e6), fs.Solid(80e9, 0.37, hardness=150e6)
+    body = fs.Coated(*solids, thickness)
+    law = fs.CoatedLaw.of(body)
+    # a flat surface yields evenly to the depth at which H(u) is the pressure
+    half_space = fs.HalfSpace((8, 8), (1e-6, 1e-6), (body, None))
+    flat = fs.solve_contact(np.zeros((8, 8)), half_space, pressure=pressure, hardness=law)
+    if pressure > 150e6:
+        assert_allclose(law.yield_pressure(flat.plastic_deformation), pressure, rtol=1e-5)
+    face = fs.self_affine((48, 48), (48e-6, 48e-6), hurst=0.8, rms_slope=0.1, rng=3, roll_off=2e-5)
+    half_space = fs.HalfSpace(face.shape, face.spacing, (body, None))
+    gap0 = face.heights.max() - face.heights
+    contact = fs.solve_contact(gap0, half_space, pressure=pressure, hardness=law)
+    u, p = contact.plastic_deformation, contact.pressure
+    assert_allclose(p.mean(), pressure, rtol=1e-9)
+    assert u.max() > thickness
+    assert_allclose(p[u > 0], law.yield_pressure(u[u > 0]), rtol=1e-4)
+    gap = gap0 + half_space.displacement(p)
+    offset = np.ptp(gap + u - contact.gap)
+    assert offset < 1e-5 * np.ptp(gap0)
+
+
+def test_the_slope_of_the_law_is_its_derivative():
+    law = fs.CoatedLaw(fs.LinearHardening(150e6, 1e12), fs.NixGao(6e8, 1e-6), 20e-6)
+    u = np.linspace(1e-6, 30e-6, 40) + 1e-9
+    step = 1e-11
+    expected = (law.yield_pressure(u + step) - law.yield_pressure(u - step)) / (2 * step)
+    assert_allclose(law.hardening_modulus(u), expected, rtol=1e-3, atol=1e9)

@@ -1,4 +1,4 @@
-"""Design answers: Qmin and QSmin of seals whose leakage is a power of the load, scaling laws, and files of a case."""
+"""Designs: scaling laws of contact and flow, stiffness, data sheet, command, and files of a case."""
 
 import csv
 import json
@@ -9,24 +9,19 @@ from numpy.testing import assert_allclose
 from small_cases import STRIP, E, steel_scene
 
 import femseal as fs
-from femseal.base import InputError, to_text
+from femseal.base import InputError
 from femseal.case import parse_case
 from femseal.designs.data_sheet import sheet_sentences, sheet_tables
-from femseal.designs.requirements import Seals, requirement, sealing_load
-from femseal.designs.sensitivities import Variants, log_leakage_at, sensitivities, slope_at
+from femseal.designs.requirements import Seals
+from femseal.designs.sensitivities import Variants, sensitivities
 from femseal.loads import LoadProgramme
 from femseal.results import RunFacts, assemble
-from femseal.results.needed_pressure import LeakageCurve
 
 STEPS = LoadProgramme.of(
     [1e7, 3e7, 1e8, 4e8, 9e8], unload_from=[4e8, 9e8], unloading=[3e8, 1e8, 3e7, 1e7]
 )
 #: On loading L = A p^−3, on unloading from Q_A it grows with p^−½ from there.
 FALL, RISE = 3.0, 0.5
-
-
-def pascals(value):
-    return to_text(value, "Pa", 3)
 
 
 def power_law(amplitudes, steps=STEPS):
@@ -40,122 +35,10 @@ def power_law(amplitudes, steps=STEPS):
 AMPLITUDES = np.exp(np.random.default_rng(3).normal(0, 0.3, 60)) * 1e12
 
 
-MEAN, LIMIT = 1e12, 1e12 * 2e8**-FALL
-
-
 def seals_of(leakage=None, steps=STEPS, interval=None):
     return Seals.from_leakage(
         steps, power_law(AMPLITUDES) if leakage is None else leakage, interval
     )
-
-
-def test_pressures_of_power_laws_are_exact():
-    seals = seals_of()
-    assert_allclose(seals.needed_pressures(LIMIT), (AMPLITUDES / LIMIT) ** (1 / FALL))
-    for peak in (4e8, 9e8):
-        exact = peak * (AMPLITUDES * peak**-FALL / LIMIT) ** (1 / RISE)
-        exact = np.where(exact < 1e7, 0.0, np.where(exact > peak, np.inf, exact))
-        assert_allclose(seals.needed_pressures(LIMIT, peak), exact)
-    assert np.isfinite(seals.needed_pressures(LIMIT, 4e8)).all()
-
-
-def test_a_share_of_the_seals_keeps_the_class():
-    """At its pressure the share of seals in the class is at least the probability, and just below it is not."""
-    for peak, leak in (
-        (None, lambda p: AMPLITUDES * p**-FALL),
-        (4e8, lambda p: AMPLITUDES * 4e8**-FALL * (p / 4e8) ** -RISE),
-    ):
-        needed = seals_of().needed_by_fraction(0.9, LIMIT, peak)
-        assert np.mean(leak(needed.value * 1.000001) <= LIMIT) >= 0.9
-        assert np.mean(leak(needed.value * 0.999999) <= LIMIT) < 0.9
-        assert needed.relation == "="
-        assert needed.low == needed.value == needed.computed
-    need = requirement(seals_of(), "L", LIMIT, 0.9)
-    assert need.for_fraction == seals_of().needed_by_fraction(0.9, LIMIT)
-    # as computed it is the median seal
-    middle = np.sort(AMPLITUDES)[(len(AMPLITUDES) - 1) // 2]
-    assert_allclose(need.assembly.computed, (middle / LIMIT) ** (1 / FALL))
-
-
-def test_the_whole_interval_decides():
-    """An interval that is a factor f wide on both sides moves Qmin by f to the power of 1/3."""
-    median = power_law([MEAN])[0]
-
-    def needed(low, high, scatter=1.0):
-        seals = MEAN * np.array([1 / scatter, 1.0, scatter])
-        interval = low * median, high * median
-        return requirement(seals_of(power_law(seals), STEPS, interval), "L", LIMIT, 0.9).assembly
-
-    known, vague = needed(1 / 1.3, 1.3), needed(0.0, 1e6)
-    found = np.array([known.low, known.computed, known.value]) / 2e8
-    assert_allclose(found, np.array([1 / 1.3, 1, 1.3]) ** (1 / FALL))
-    assert known.text(pascals) == "from 218 MPa on (as computed: from 200 MPa on)"
-    assert (vague.low, vague.value, vague.relation) == (0.0, np.inf, ">")
-    # it holds the scatter of the seals already
-    assert needed(1 / 1.3, 1.3, scatter=5.0) == known
-    # what is sealed leaks what its interval allows
-    sealed = np.where(STEPS.pressures < 1e8, median, 0.0)
-    upper = np.where(STEPS.pressures == 1e8, 10 * LIMIT, sealed)
-    wide = requirement(seals_of(sealed[None], STEPS, (sealed, upper)), "L", LIMIT, 0.9).assembly
-    assert wide.computed < wide.value
-
-
-def test_what_keeps_a_class_keeps_it_at_higher_loads():
-    """Intervals of a test fluid are those of the run by their factor, which may rise faster than the leakage falls."""
-    leakage, limit = power_law([1e12]), 1e12 * 2e8**-FALL
-    upper = np.where(STEPS.pressures > 5e8, 10 * limit, leakage[0])
-    seals = Seals.from_leakage(STEPS, leakage, (leakage[0], upper))
-    assert requirement(seals, "L", limit, 0.5).assembly.text(pascals) == "from 200 MPa on"
-
-
-def test_a_load_that_failed_is_not_met_and_tells_nothing_of_others():
-    """The interval at 900 MPa is no wider than at 400 MPa, whether or not the solution failed at 30 MPa."""
-    leakage = power_law([1e12])[0]
-    upper = np.where(STEPS.pressures > 5e8, 1.0, 1.3) * leakage
-    upper[STEPS.on_loading & (STEPS.pressures > 5e8)] = 1.0
-    failed = np.where(STEPS.on_loading & (STEPS.pressures == 3e7), np.nan, leakage)
-    limit = leakage[0]
-    for known, expected in ((leakage, "from 10.9 MPa on"), (failed, "from 100 MPa on")):
-        needed = LeakageCurve.of(STEPS, known, (known, np.where(known > 0, upper, np.nan)))
-        assert needed.needed(limit).text(pascals).startswith(expected)
-
-
-def test_nothing_is_extrapolated():
-    for pressure, relation, words in (
-        (1e9, ">", "at no load up to 900 MPa"),
-        (9e6, None, "at every load from 10 MPa on"),
-    ):
-        need = requirement(seals_of(power_law([MEAN])), "L", MEAN * pressure**-FALL, 0.5)
-        assert need.assembly.text(pascals) == words
-        assert relation is None or need.assembly.relation == need.service[9e8].relation == relation
-    assert need.service[4e8].text(pascals) == "down to the lowest load of 10 MPa"
-    assert need.assembly.low == 0
-    never = requirement(seals_of(power_law([MEAN])), "L", MEAN * 1e9**-FALL, 0.5)
-    assert never.service[4e8].text(pascals) == "not even at 400 MPa"
-
-
-def test_loads_that_the_fluid_carries_alone_are_open():
-    seals = seals_of(np.where(STEPS.pressures == 1e7, np.nan, power_law(AMPLITUDES)))
-    assert seals.count == len(AMPLITUDES)
-    assert_allclose(seals.needed_pressures(LIMIT), (AMPLITUDES / LIMIT) ** (1 / FALL))
-    assert np.all(seals.needed_pressures(LIMIT, 9e8) >= 3e7)
-    assert seals_of(np.full((60, len(STEPS)), np.nan)).count == 0
-    # also on an unloading, at loads that the first loading sealed
-    late = ~STEPS.on_loading & (STEPS.pressures < 5e7)
-    seals = seals_of(np.where(late, np.nan, power_law(AMPLITUDES)))
-    assert seals.count == len(AMPLITUDES)
-    assert np.isinf(seals.leakage[:, late]).all()
-    assert np.all(seals.needed_pressures(1.0, 9e8) == 1e8)
-
-
-def test_where_a_seal_closes_the_step_that_keeps_the_limit_is_taken():
-    """No logarithm reaches 0: between an open and a closed step the closed one is known to be enough."""
-    loading = LoadProgramme.of(STEPS.loading)
-    closing = seals_of(np.array([[5.0, 1.0, 1e-3, 0.0, 0.0]]), loading)
-    assert sealing_load(closing).value == 4e8
-    # a loading that leaks more again counts from there on
-    again = seals_of(np.array([[1.0, 0.1, 1.0, 0.1, 0.01]]), loading)
-    assert 1e8 < again.needed_pressures(0.5)[0] < 4e8
 
 
 def slopes(**given):
@@ -166,60 +49,6 @@ def slopes(**given):
 def factor(exponent):
     """Seals whose leakage is 1.1 to this power times as large."""
     return seals_of(power_law(AMPLITUDES) * 1.1**exponent)
-
-
-def test_slopes_of_power_laws_are_exact():
-    """L = A p^−3 H^2 η^−1: amplitude 2 − 2 + 3 + 1, modulus 3 − 2."""
-    found = slopes(harder=factor(2), inlet_slope=1.0)
-    for name, slope in {
-        "nominal pressure": -3,
-        "hardness": 2,
-        "roughness amplitude": 4,
-        "contact modulus": 1,
-        "viscosity": -1,
-        "breadth, same pressure": -1,
-        "breadth, same force": 2,
-        "inlet pressure": 1,
-    }.items():
-        assert_allclose(found[name].leakage, slope, rtol=1e-9)
-        if name != "nominal pressure":
-            assert_allclose(found[name].pressure, slope / 3, rtol=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("given", "exact"),
-    [
-        ({"can_yield": False}, {"hardness": 0, "roughness amplitude": 6}),
-        ({}, {"hardness": np.nan, "roughness amplitude": np.nan}),
-        # L(αa, αp, αη, αb) = α² L: what goes with the slip length no longer goes with the amplitude
-        (
-            {"can_yield": False, "length_parameter": "slip_length", "longer_length": factor(0.3)},
-            {"viscosity": -1, "slip length": 0.3, "roughness amplitude": 5.7},
-        ),
-        (
-            {"can_yield": False, "length_parameter": "viscosity", "longer_length": factor(-0.4)},
-            {"viscosity": -0.4, "roughness amplitude": 5.4},
-        ),
-        (
-            {"harder": factor(2), "hardens": True},
-            {"contact modulus": FALL - 2, "roughness amplitude": np.nan},
-        ),
-    ],
-)
-def test_slopes_go_with_what_the_laws_depend_on(given, exact):
-    found = slopes(**given)
-    leakage = [found[name].leakage for name in exact]
-    assert_allclose(leakage, [*exact.values()], rtol=1e-9, atol=1e-12)
-
-
-def test_slopes_and_levels_at_a_load():
-    seals = seals_of()
-    assert_allclose([slope_at(seals, p, 0.5) for p in (1e7, 9e8, 9.1e8)], [-3, -3, np.nan])
-    assert_allclose(np.exp(log_leakage_at(seals, 2e8, 1.0)), AMPLITUDES.max() * 2e8**-FALL)
-    leak = power_law(AMPLITUDES)
-    leak[:, 4] = np.inf  # at a load whose leakage is not known
-    assert_allclose(slope_at(seals_of(leak), 5e7, 0.9), -FALL)
-    assert np.isnan(slope_at(seals_of(leak), 6e8, 0.9))
 
 
 CYCLE = {"loading": (1e7, 1e8, 4e8), "unload_from": (4e8,), "unloading": (1e8, 1e7)}

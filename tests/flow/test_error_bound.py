@@ -1,6 +1,7 @@
 """The lower bound of a conductance from a potential, against flows solved by elimination."""
 
 import numpy as np
+import pytest
 from networks import network, solve_links
 from numpy.testing import assert_allclose
 
@@ -40,3 +41,20 @@ def test_the_bound_of_a_disturbed_potential_is_no_more_than_the_conductance():
         assert_allclose(bound, exact.conductance, rtol=1e-12)
     assert percolating > 150
     assert tight > 150
+
+
+@pytest.mark.parametrize("noise", [1e-8, 1e-3, 0.1])
+def test_the_lower_bound_holds_for_a_wrong_potential(noise):
+    """Thomson's principle with the flux of a disturbed potential, made to balance."""
+    rng = np.random.default_rng(0)
+    c1, c2 = (np.exp(rng.standard_normal(shape)) for shape in ((7, 9), (6, 9)))
+    exact = solve_links(c1, c2)
+    rng = np.random.default_rng(3)
+    potential = exact.potential.copy()
+    potential[1:-1] += noise * rng.standard_normal((6, 9))
+    stencil = network(c1, c2)
+    lower = least_conductance(stencil, potential, 1 - potential)
+    assert lower < exact.conductance * (1 + 1e-14)
+    assert lower > exact.conductance * (1 - 1e4 * noise**2 - 1e-12)
+    best = least_conductance(stencil, exact.potential, exact.complement)
+    assert_allclose(best, exact.conductance, rtol=1e-13)

@@ -1,4 +1,4 @@
-"""Flow laws: closed forms and derivatives, a liquid that slips in every study, a law from outside, fixed points."""
+"""Flow laws: closed forms and derivatives, a liquid that slips in every study, and a law from outside."""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -10,7 +10,6 @@ from small_cases import CASE, scene_of_fluid
 
 import femseal as fs
 from femseal.analytic import parallel_plates
-from femseal.base.fixed_point import fixed_point
 from femseal.flow import FlowLaw, SlipLength
 from femseal.flow.law import CUBIC_LAW, law_of
 from femseal.flow.permeability_table import tabulate
@@ -242,20 +241,3 @@ def test_fluids_of_one_law_have_the_ratio_of_their_drops(scene):
         (SLIPPERY, 0.0, acts),
     ):
         assert drop_ratio(FluidState(fluid, 1e6, pressure), other) is None
-
-
-def test_fixed_points():
-    """x = cos x, whose rate is x + 1; x = 2/x, which lies as far above as below by turns; one that never settles."""
-    found = fixed_point(np.cos, lambda y: (float(y[0]) + 1, y, "kept"), np.array([0.5]), rtol=1e-6)
-    assert found.solution == "kept"
-    assert_allclose(found.coefficient, 0.7390851332151607, rtol=1e-5)
-    assert 10 < found.solutions < 40
-    assert found.error <= 1e-6
-    start = np.array([1.2, np.nan])
-    found = fixed_point(lambda x: 2 / x, lambda y: (float(y[0]), y, None), start, rtol=1e-6)
-    assert_allclose(found.coefficient, [np.sqrt(2), np.nan], rtol=1e-5)
-    flows = iter(range(1, 1000))
-    with pytest.raises(
-        fs.NotConverged, match=r"40 solutions it still changes by .*Try a smaller difference"
-    ):
-        fixed_point(lambda x: x, lambda y: (1.0 + next(flows) % 2, y, None), 0.5, rtol=1e-6)

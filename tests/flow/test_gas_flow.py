@@ -240,30 +240,6 @@ def test_the_law_of_a_cell():
             fs.cell_permeability(**given, law=bad)
 
 
-@pytest.mark.parametrize("shape", [(3, 8, 6), (3, 5), (3, 6, 6)])
-def test_tables_of_other_shapes_than_the_seal(shape):
-    seal = fs.RectangularSeal((1e-3, 2e-3), (7, 6))
-    wrong = PermeabilityTable((1e6, 3e5, 1e5), np.ones(shape))
-    with pytest.raises(fs.InputError, match=r"^permeability: given shape"):
-        fs.seal_leakage(seal, wrong, HELIUM, inlet_pressure=1e6, outlet_pressure=1e5)
-
-
-@pytest.mark.parametrize(
-    ("pressures", "values", "word"),
-    [
-        ((1e5,), np.ones(1), "pressures"),
-        ((1e5, 1e5), np.ones(2), "pressures"),
-        ((0.0, 1e5), np.ones(2), "pressures"),
-        ((1.0, 2.0), np.ones(3), "values"),
-        ((1.0, 2.0), -np.ones(2), "values"),
-        ((1.0, 2.0), [np.nan, 1], "values"),
-    ],
-)
-def test_tables_that_are_none(pressures, values, word):
-    with pytest.raises(fs.InputError, match=f"^{word}: given"):
-        PermeabilityTable(pressures, values)
-
-
 @pytest.fixture(scope="module")
 def scene():
     return scene_of_fluid(HELIUM, 1e5)

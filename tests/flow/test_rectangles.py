@@ -1,5 +1,6 @@
 """Flow over rectangles: the fast implementation against scikit-fem on the mesh, bounds, and closed forms."""
 
+import logging
 from itertools import pairwise
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from femseal import AnnularSeal, InputError, RectangularSeal
+from femseal.flow.rectangles import Rectangles
 
 SHAPES = ((1, 1), (1, 4), (2, 1), (3, 2), (5, 7), (16, 24))
 
@@ -136,3 +138,14 @@ def test_tensors():
 def test_a_bad_permeability_is_named(permeability, message):
     with pytest.raises(InputError, match="^permeability: given " + message):
         RectangularSeal((4.0, 5.0), (4, 5)).flow(permeability)
+
+
+def test_other_meshes_still_warn_of_copies(caplog):
+    """scikit-fem warns of a copy; a seal makes one on purpose, without a change of the logging of others."""
+    log = logging.getLogger("skfem.mesh.mesh")
+    lines = np.linspace(0.0, 1.0, 41)
+    with caplog.at_level(logging.WARNING):
+        Rectangles(lines, columns=40, period=1.0).mesh  # noqa: B018
+        assert not caplog.records
+        log.warning("Transforming over 1000 vertices to C_CONTIGUOUS.")
+        assert len(caplog.records) == 1

@@ -2,7 +2,6 @@
 
 import io
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -10,26 +9,15 @@ import numpy as np
 import pytest
 import xarray
 from matplotlib import pyplot
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.text import Text
 from numpy.testing import assert_allclose
 from small_cases import steel_scene
 
 import femseal as fs
 from femseal.base import InputError, Shown
-from femseal.base.display import value_text
 from femseal.base.leak_units import leakage_unit
-from femseal.plots.leakage_panels import (
-    LeakageCurves,
-    leakage_line,
-    leakage_panel,
-    limit_lines,
-    set_leakage_axis,
-)
 from femseal.plots.map_panels import clip_to_decades
 from femseal.plots.pressure_lines import surface_leakage
-from femseal.results.load_steps import LoadFormat
 from femseal.studies import STUDIES, Study
 
 MODULUS, HARDNESS = 115e9, 1.4e9
@@ -173,21 +161,6 @@ def test_leakages_are_drawn_together(shown):
     assert_allclose(line.get_ydata() * factor, shown["deterministic"].leakage[:2])
 
 
-def test_no_marker_covers_the_word_sealed():
-    figure = Figure(figsize=(3.4, 3))
-    axes = figure.add_axes((0.25, 0.2, 0.7, 0.75))
-    load = np.linspace(1, 10, 40)
-    leakage = np.where(load < 2, 1e-6, 0.0)
-    set_leakage_axis(axes, leakage)
-    leakage_line(axes, load, leakage, marker="s", ms=4)
-    FigureCanvasAgg(figure).draw()
-    (word,) = axes.texts
-    (_, markers) = axes.lines
-    centres = axes.transAxes.transform(np.column_stack([np.zeros(1), markers.get_ydata()[:1]]))
-    top_of_markers = centres[0, 1] + markers.get_markersize() / 72 * figure.dpi / 2
-    assert top_of_markers < word.get_window_extent().y0 + 1
-
-
 def test_pyplot_shows_pictures(shown):
     """`pyplot.show()` opens what `plot()` made; what is drawn into axes that are there is in their figure."""
     pyplot.close("all")
@@ -195,82 +168,6 @@ def test_pyplot_shows_pictures(shown):
     assert [pyplot.figure(number) for number in pyplot.get_fignums()] == [figure]
     shown["permeability"].plot(ax=Figure().add_subplot())
     assert len(pyplot.get_fignums()) == 1
-
-
-@pytest.mark.parametrize(
-    ("value", "unit", "text"),
-    [
-        (np.zeros((2, 3)), "m", "(2 × 3: 0 m)"),
-        (np.array([np.nan]), "m", "(1: undefined)"),
-        (np.array([True, False]), "1", "(2: 50 %)"),
-        (3e-9, "m^2/s", "3e-09 m²/s"),
-        (np.float64(0.25), "1", "0.25"),
-        (7, "1", "7"),
-        (("it failed", "and again"), "1", "2, the first: it failed"),
-    ],
-)
-def test_texts_of_values(value, unit, text):
-    assert value_text(value, unit) == text
-
-
-@pytest.mark.parametrize(("lower", "upper"), [(0.2e-9, 1.1e-9), (0.0, 1.1e-9), (1e-14, np.inf)])
-def test_the_band_of_error_ends_where_it_ends_or_at_the_edge(lower, upper):
-    leakage = np.array([2e-9, 0.5e-9])
-    ends = np.array([1.5e-9, lower]), np.array([4e-9, upper])
-    axes = Figure().subplots()
-    loads, peaks = np.array([1e8, 2e8]), np.full(2, np.nan)
-    leakage_panel(axes, LeakageCurves(loads, peaks, leakage, "median", band=ends))
-    (area,) = axes.collections
-    x, y = area.get_paths()[0].vertices.T
-    assert_allclose(y[x == 100].max(), 4e-9)
-    edges = np.clip([lower, upper], *axes.get_ylim())
-    assert_allclose([y[x == 200].min(), y[x == 200].max()], edges)
-
-
-@pytest.mark.parametrize(
-    "loads", [(66.43, 140.5, 141.2, 300), (1, 2, 3, 4, 5, 6), (276.79, 369.05, 461.31, 9000)]
-)
-@pytest.mark.parametrize("load_format", [LoadFormat(), LoadFormat("kN", 4.2e-8)])
-def test_loads_are_ticks_whose_labels_do_not_touch(loads, load_format):
-    pressure = np.array(loads) * 1e6
-    curves = LeakageCurves(
-        pressure, np.full(len(loads), np.nan), 1 / pressure, "median", loads=load_format
-    )
-    figure = Figure(figsize=(5.4, 4))
-    axes = figure.add_axes((0.18, 0.2, 0.78, 0.7))
-    leakage_panel(axes, curves)
-    FigureCanvasAgg(figure).draw()
-    _, factor = load_format.axis
-    # a tick with a label stands in for one without
-    ticks = np.union1d(axes.get_xticks(), axes.get_xticks(minor=True))
-    assert_allclose(ticks, pressure * factor)
-    boxes = sorted(
-        text.get_window_extent().extents[[0, 2]].tolist()
-        for text in axes.get_xticklabels()
-        if text.get_text()
-    )
-    assert len(boxes) == len(loads)  # every load has a label
-    assert all(right < left for (_, right), (left, _) in pairwise(boxes))
-    assert ("kN" in axes.get_xlabel()) == (load_format.unit == "kN")
-
-
-def test_every_limit_has_a_name_and_names_do_not_touch():
-    figure = Figure(figsize=(5.4, 4))
-    axes = figure.add_axes((0.18, 0.2, 0.5, 0.7))
-    axes.set(yscale="log", ylim=(1e-3, 1e3))
-    limits = {f"class {n}": 1.02**n for n in range(12)} | {
-        "top": 990.0,
-        "bottom": 1.1e-3,
-        "beyond": 2e3,
-    }
-    limit_lines(axes, limits)
-    FigureCanvasAgg(figure).draw()
-    named = ", ".join(text.get_text() for text in axes.texts)
-    assert sorted(named.split(", ")) == sorted({*limits} - {"beyond"})
-    # of the name alone, without its line
-    boxes = sorted(Text.get_window_extent(text).extents[[1, 3]].tolist() for text in axes.texts)
-    assert all(upper <= lower + 1 for (_, upper), (lower, _) in pairwise(boxes))
-    assert axes.bbox.y0 - 10 < boxes[0][0] < boxes[-1][1] < axes.bbox.y1 + 10
 
 
 CELLS = (

@@ -19,7 +19,6 @@ from small_cases import TABLES, steel_scene
 import femseal as fs
 from femseal.base import InputError
 from femseal.plots.heights import draw_heights, survey_figure
-from femseal.plots.leakage_panels import BandHandle, LeakageCurves, leakage_panel
 from femseal.plots.maps import default_step, relative_flow
 from femseal.plots.realisations import realisation_figure
 from femseal.plots.streamlines import draw_streamlines
@@ -323,24 +322,3 @@ def test_commands_write_the_formats_that_are_asked_for(femseal, tmp_path):
     assert text.strip() == str(tmp_path / "seal.pdf")
     assert (tmp_path / "seal.pdf").read_bytes().startswith(b"%PDF")
     assert femseal("plot", out, "cells")[0] == 2  # a deterministic run has no cells
-
-
-def test_the_legend_of_an_interval_has_the_colours_of_its_areas():
-    """One patch for each branch, with the colour and opacity of the area."""
-    leakage = np.array([4.0, 2.0, 1.0, 1.2, 1.4]) * 1e-9
-    curves = LeakageCurves(
-        pressure=np.array([1e7, 2e7, 4e7, 2e7, 1e7]),
-        peaks=np.array([np.nan, np.nan, np.nan, 4e7, 4e7]),
-        leakage=leakage,
-        title="median of the realisations",
-        band=(leakage / 2, 2 * leakage),
-        band_name="95 % interval",
-    )
-    axes = Figure().add_subplot()
-    handles = leakage_panel(axes, curves)
-    legend = axes.legend(handles=handles)
-    entry = next(handle for handle in handles if isinstance(handle, BandHandle))
-    areas = [area.get_facecolor()[0] for area in axes.collections]
-    assert len(areas) == 2
-    assert_allclose([patch.get_facecolor() for patch in entry], areas)
-    assert [text.get_text() for text in legend.texts][-1] == "95 % interval"

@@ -17,7 +17,6 @@ from femseal.base import InputError
 from femseal.seal import AnnularLayout, MeshLayout, MeshSeal, RectangularLayout
 from femseal.seal.lay import Lay
 from femseal.seal.layouts import parse_lay
-from femseal.seal.mesh_checks import boundaries_without_name, parts_without_flow
 from femseal.seal.tiles import CellSize
 
 MESHES = Path(__file__).parents[2] / "meshes"
@@ -247,31 +246,3 @@ def test_bad_shapes(layout, given, cell, message):
 def test_tiles_that_are_narrow_at_the_inner_radius_are_warned_of():
     (told,) = AnnularLayout(1e-3, 3e-3).lay_out(CELL).warnings
     assert "50% as wide as cells" in told
-
-
-def test_parts_of_a_mesh_that_nothing_flows_through_are_warned_of():
-    strip = MeshQuad.init_tensor(np.linspace(0, 2e-3, 3), np.linspace(0, 1e-3, 2))
-    mesh = (
-        strip + strip.translated((3e-3, 0.0)) + strip.scaled(0.5).translated((6e-3, 0.0))
-    ).with_boundaries({"in": lambda x: x[0] == 0, "out": lambda x: np.isin(x[0], (2e-3, 5e-3))})
-    seal = MeshSeal(mesh, "in", "out")
-    assert [*parts_without_flow(mesh, *seal.ends)] == [
-        "a part of the mesh around (4 mm, 500 µm), 2 of 4.5 mm², touches no inlet: nothing flows there",
-        "a part of the mesh around (6.5 mm, 250 µm), 0.5 of 4.5 mm², touches neither inlet nor outlet: "
-        "nothing flows there",
-    ]
-
-
-def test_a_hole_whose_boundary_is_in_no_group_is_said():
-    """A square of 4 mm with a hole of 2 mm: its outline has 8 mm, around its middle."""
-    mesh = MeshQuad.init_tensor(*(np.linspace(0, 4e-3, 5),) * 2)
-    ends = {"left": lambda x: x[0] < 1e-9, "right": lambda x: x[0] > 4e-3 - 1e-9}
-    sides = {"sides": lambda x: abs(x[1] - 2e-3) > 2e-3 - 1e-9}
-    hole = mesh.remove_elements(
-        mesh.elements_satisfying(lambda x: abs(x - 2e-3).max(axis=0) < 1e-3)
-    )
-    assert [*boundaries_without_name(hole.with_boundaries(ends | sides))] == [
-        "a boundary of the mesh around (2 mm, 2 mm), 8 mm long, is in no group: it is closed"
-    ]
-    assert [*boundaries_without_name(mesh.with_boundaries(ends | sides))] == []
-    assert len([*boundaries_without_name(mesh.with_boundaries(ends))]) == 2

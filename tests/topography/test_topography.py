@@ -1,8 +1,5 @@
-"""Topography and condition: closed forms of single waves, Parseval, exactness on band-limited maps."""
+"""Topography: closed forms of single waves, Parseval, exactness on band-limited maps."""
 
-import subprocess
-import sys
-import tracemalloc
 from operator import attrgetter, methodcaller
 
 import numpy as np
@@ -15,13 +12,7 @@ from femseal.base import InputError
 from femseal.flow import cell_permeability
 from femseal.topography import (
     Topography,
-    condition,
-    describe_surface,
-    form_fit,
-    resolving_shape,
-    self_affine,
 )
-from femseal.topography.waves import wave_powers, wavenumber_grids
 
 PERIODS = [(True, True), (False, True), (True, False), (False, False)]
 SIZE = (3e-3, 2e-3)
@@ -206,36 +197,6 @@ def test_detrend_removes_the_form_and_changes_nothing_the_second_time(order):
     assert_allclose(rough.detrend(order).heights, rough.heights, atol=1e-12)
 
 
-def test_a_periodic_map_is_not_levelled_unless_asked_for():
-    """Self-affine without a plateau: the plane fitted to it is a part of its waves."""
-    face = self_affine((128, 128), SIZE, hurst=0.8, rms_slope=0.2, rng=1)
-    kept, report = condition(face)
-    assert_allclose(kept.rms_slope, 0.2, rtol=1e-9)
-    assert report.removed_tilt == (0.0, 0.0)
-    assert_allclose(describe_surface(face).rms_slope, 0.2, rtol=1e-9)
-    # the plane through a single wave leaves a step of twice its amplitude
-    single = wave((128, 128), (1, 0), (True, True), phase=(-0.5 * np.pi, 0.0))
-    assert single.seamless == (True, True)
-    assert single.detrend(1).seamless == (False, True)
-    slope = single.rms_slope
-    assert_allclose(condition(single)[0].rms_slope, slope, rtol=1e-9)
-    assert condition(single, detrend=1)[0].rms_slope > 1.5 * slope
-
-
-@pytest.mark.parametrize("periodic", [(True, True), (False, True), (False, False)])
-def test_a_measured_map_is_levelled_whatever_its_borders_are_called(periodic):
-    """Part of a larger map, with a tilt: it has a step where it would repeat itself."""
-    larger = self_affine((128, 256), SIZE, hurst=0.8, rms_slope=0.2, rng=1).heights[:, :128]
-    tilt = 0.3 * SIZE[1] / 256
-    measured = Topography(larger + tilt * np.arange(128), (SIZE[0] / 128, SIZE[1] / 256), periodic)
-    form = measured.form()
-    assert_allclose(form.slopes[1], measured.form(1).slopes[1], rtol=1e-9)
-    assert_allclose(measured.detrend(None).form(1).slopes[1], 0, atol=1e-12)
-    # along x1 the map repeats itself
-    is_levelled = form.slopes[0] != 0
-    assert is_levelled == (not periodic[0])
-
-
 def test_undefined_points_at_the_border_do_not_decide_whether_it_has_a_step():
     z = np.cos(2 * np.pi * np.arange(32) / 32)[:, None] * np.ones(16)
     z[0, 3:] = np.nan
@@ -243,72 +204,6 @@ def test_undefined_points_at_the_border_do_not_decide_whether_it_has_a_step():
     z[0] = np.nan
     assert Topography(z, (1e-6, 1e-6)).seamless == (True, True)
     assert Topography(z * np.nan, (1e-6, 1e-6)).seamless == (True, True)
-
-
-@pytest.mark.parametrize("periodic", [(True, True), (False, True), (True, False), (False, False)])
-@pytest.mark.parametrize("shape", [(24, 18), (25, 17)])
-def test_slopes_and_spectra_of_half_the_waves_are_those_of_all(shape, periodic):
-    """Of even and odd numbers of points: a Nyquist wave is its own conjugate."""
-    rough = noise(shape, periodic)
-    low = rough.low_pass(0.5e-3)
-    assert_allclose(rough.rms_slope_of_long_waves(0.5e-3), low.rms_slope, rtol=1e-12)
-    powers = wave_powers(rough.heights, periodic)
-    assert_allclose(powers.sum(), np.mean(rough.heights**2), rtol=1e-12)
-    q1, q2 = wavenumber_grids(shape, rough.spacing, periodic)
-    slopes = np.sqrt([np.sum(q1**2 * powers), np.sum(q2**2 * powers)])
-    assert_allclose(rough.rms_slopes, slopes, rtol=1e-12)
-    q, density = rough.radial_psd()
-    is_inside = q < 0.7 * np.pi / max(rough.spacing)
-    assert is_inside.any()
-    assert np.all(density[is_inside] > 0)
-
-
-CONDITION = """
-from math import inf
-import numpy as np
-from femseal.base.machine import peak_memory
-from femseal.topography import Topography, condition
-
-used = []
-for n in (64, 2048):  # the first map loads what conditioning takes
-    heights = np.random.default_rng(1).standard_normal((n, n))
-    heights.flags.writeable = False
-    measured = Topography(heights, (1e-6, 1e-6), (True, True))
-    used.append(peak_memory())
-    condition(measured, spikes=inf)
-    used.append(peak_memory())
-print(used[-1] - used[-2])
-"""
-
-
-def test_conditioning_of_a_periodic_map_takes_less_memory_than_a_contact():
-    """Peak memory of a process of its own, which also contains what the transforms allocate themselves."""
-    done = subprocess.run(
-        [sys.executable, "-c", CONDITION], capture_output=True, text=True, check=True
-    )
-    map_bytes = 8
-    assert int(done.stdout) < (37 - map_bytes) * 2048**2
-
-
-@pytest.mark.parametrize(("kind", "bytes_per_point"), [("plain", 37), ("with spikes", 50)])
-def test_conditioning_takes_little_memory(kind, bytes_per_point, monkeypatch):
-    """Peak of what NumPy allocates, with the map; a contact takes 37 bytes a point.
-
-    Blocks are as small beside this map as they are beside a large one.
-    """
-    monkeypatch.setattr(form_fit, "_BLOCK", 2**10)
-    rng = np.random.default_rng(1)
-    z = rng.standard_normal((512, 512))
-    if kind == "with spikes":
-        z[5::101, 3::89] = np.nan
-        z[7::97, 2::103] += 100
-    measured = Topography(z, (1e-6, 1e-6), (False, False))
-    condition(measured)  # what is loaded once stays
-    tracemalloc.start()
-    condition(measured)
-    _, peak = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert peak + z.nbytes < bytes_per_point * z.size
 
 
 def test_detrend_is_the_least_squares_plane_of_the_defined_points():
@@ -430,100 +325,7 @@ def test_flipping_and_adding_act_on_the_heights():
         face + 1.0
 
 
-# --- conditioning -----------------------------------------------------------------------------------------
-
-
-def measured():
-    """A tilted rough map with a few undefined points: self-affine roughness down to two pixels."""
-    rough = self_affine((96, 80), SIZE, hurst=0.8, rms_height=1e-6, cut_off=7e-5, rng=4)
-    x1, x2 = centres(rough.shape)
-    z = rough.heights + np.tan(2e-3) * x1[:, None] - np.tan(1e-3) * x2
-    z[40:42, 30:33] = np.nan
-    return Topography(z, rough.spacing, (False, False))
-
-
-def test_condition_reports_what_it_did():
-    face, report = condition(measured())
-    assert_allclose(report.undefined_fraction, 6 / (96 * 80))
-    assert_allclose(report.removed_tilt, (2e-3, -1e-3), atol=5e-4)
-    assert_allclose(report.shortest_wave, 8 * max(face.spacing))
-    assert report.rms_height < report.rms_height_before < measured().fill_undefined().rms_height
-    assert report.rms_slope < report.rms_slope_before
-    assert_allclose((report.rms_height, report.rms_slope), (face.rms_height, face.rms_slope))
-    assert (report.shape, report.spacing) == (face.shape, face.spacing)
-    assert face.undefined_fraction == 0
-    # Nothing shorter than the shortest wave is left.
-    assert_allclose(face.high_pass(report.shortest_wave).heights, 0, atol=1e-18)
-
-
-def test_condition_recovers_tilt_and_curvature():
-    x1, x2 = centres((60, 50))
-    u, v = x1[:, None] - SIZE[0] / 2, x2 - SIZE[1] / 2
-    z = np.tan(1e-3) * u - np.tan(3e-3) * v + 0.5 * 2.0 * u**2 + 0.7 * u * v - 0.5 * 3.0 * v**2
-    _, report = condition(Topography(z, (SIZE[0] / 60, SIZE[1] / 50)), detrend=2)
-    assert_allclose(report.removed_tilt, (1e-3, -3e-3), rtol=1e-9)
-    assert_allclose(report.removed_curvature, (2.0, 0.7, -3.0), rtol=1e-9)
-    assert report.rms_height < 1e-15
-
-
-def test_conditioning_on_another_grid_keeps_the_long_waves():
-    face, report = condition(measured(), shape=(240, 200), shortest_wave=1.1e-4)
-    assert face.shape == (240, 200)
-    assert report.shape_before == (96, 80)
-    assert_allclose(face.size, SIZE)
-    coarse, report = condition(measured(), shape=(48, 40))
-    assert_allclose(report.shortest_wave, 8 * max(coarse.spacing))
-    reference, _ = condition(measured(), shortest_wave=report.shortest_wave)
-    assert_allclose(coarse.resample((96, 80)).heights, reference.heights, atol=1e-18)
-
-
-def test_a_finer_grid_keeps_the_waves_that_were_measured():
-    """5 pixels are the shortest: the measured grid loses them, one with 8 pixels for them does not."""
-    face = self_affine((96, 80), SIZE, hurst=0.5, rms_height=1e-6, cut_off=5 * SIZE[0] / 96, rng=4)
-    _, coarse = condition(face, detrend=0)
-    assert_allclose(coarse.shortest_measured, 5 * SIZE[0] / 96, rtol=0.05)
-    lost = 1 - face.low_pass(coarse.shortest_wave).rms_slope / face.rms_slope
-    assert_allclose(coarse.lost_slope, lost, atol=0.02)
-    assert coarse.lost_slope > 0.15
-    shape = resolving_shape(SIZE, coarse.shortest_measured)
-    fine, report = condition(face, detrend=0, shape=shape)
-    assert report.shortest_wave == report.shortest_measured >= 8 * max(fine.spacing)
-    assert_allclose(fine.rms_slope, face.rms_slope, rtol=0.02)
-    assert report.lost_slope < 1e-9
-
-
-@pytest.mark.parametrize("wavelength", [7e-6, 3.31e-5])
-def test_resolving_shape_gives_8_pixels_or_what_the_limit_allows(wavelength):
-    shape = resolving_shape((1e-3, 0.7e-3), wavelength)
-    pixels = wavelength * np.divide(shape, (1e-3, 0.7e-3))
-    assert 8 <= min(pixels) <= max(pixels) < 8.8
-    assert_allclose(resolving_shape((1e-3, 0.5e-3), 1e-6, most=5e4), (316, 158), rtol=0.05)
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"shortest_wave": 1e-4}, r"wave: given 100 µm, .* 8 pixels = 250 µm.*shape=\(240, 160\)"),
-        ({"shortest_wave": 0.1}, "less than the larger side, 3 mm"),
-        ({"max_undefined": 1e-4}, "undefined points"),
-    ],
-)
-def test_maps_that_cannot_be_conditioned_are_refused(given, message):
-    with pytest.raises(InputError, match=f"(?s){message}"):
-        condition(measured(), **given)
-    assert condition(measured(), shortest_wave=1e-4, shape=(240, 160))[0].shape == (240, 160)
-
-
 def test_a_single_spacing_holds_for_both_axes():
     assert Topography(np.zeros((4, 6)), 1e-6).spacing == (1e-6, 1e-6)
     gap = np.full((4, 6), 1e-6)
     assert cell_permeability(gap, 1e-6).value == cell_permeability(gap, (1e-6, 1e-6)).value
-
-
-def test_an_automatic_grid_checks_the_shortest_wave_like_a_given_one():
-    face = self_affine((32, 32), (32e-6, 32e-6), hurst=0.8, rms_slope=0.1, rng=1)
-    for wave in (-1.0, 0.0, np.nan, "30 um"):
-        for shape in ("auto", (32, 32), None):
-            with pytest.raises(InputError, match="shortest_wave"):
-                condition(face, shortest_wave=wave, shape=shape)
-    assert condition(face, shape=np.array([32, 32]))[0].shape == (32, 32)

@@ -1,6 +1,7 @@
-"""Parameters of drawings against closed forms, and another program."""
+"""The report on a surface: parameters of drawings and of ISO 25178 against closed forms and another program."""
 
 from math import pi, sqrt
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,8 +9,13 @@ from numpy.testing import assert_allclose
 from scipy.integrate import quad
 from scipy.special import ellipe
 from scipy.stats import norm
+from test_repairs import open_map, rough
 
 import femseal as fs
+from femseal.topography import (
+    Topography,
+    describe_surface,
+)
 from femseal.topography.describe import developed_area, material_ratios
 
 
@@ -108,3 +114,51 @@ def test_parameters_agree_with_another_program(cut_off):
         found = np.array([report.sk, report.spk, report.svk])
         assert_allclose(found, 1e-6 * np.array([other.Sk(), other.Spk(), other.Svk()]), rtol=5e-3)
         assert_allclose(100 * report.sdr, other.Sdr(), rtol=0.01)
+
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "measured_face.x3p"
+
+
+def test_height_parameters_agree_with_iso_25178():
+    z = rough().detrend().heights
+    z = z - z.mean()
+    tilted = z + 0.01 * np.arange(160)[:, None] * 1e-6
+    report = describe_surface(open_map(tilted))
+    assert_allclose(np.tan(report.tilt), (0.01, 0), atol=1e-9)
+    assert_allclose(
+        [report.rms_height, report.mean_height, report.peak_to_valley],
+        [z.std(), np.abs(z).mean(), np.ptp(z)],
+        rtol=1e-9,
+    )
+    moments = [np.mean(z**n) / z.std() ** n for n in (3, 4)]
+    assert_allclose([report.skewness, report.kurtosis], moments, rtol=1e-9)
+    other = describe_surface(open_map(tilted.T))
+    assert_allclose(other.rms_slopes, report.rms_slopes[::-1], rtol=1e-9)
+
+
+def test_a_flat_face_is_described():
+    report = describe_surface(Topography(np.full((40, 40), 1e-3), (1e-6, 1e-6)), detrend=0)
+    assert report.rms_height == report.rms_slope == 0
+    unknown = [report.skewness, report.correlation_length, report.lay_direction, report.hurst]
+    assert np.isnan(unknown).all()
+    assert "–" in str(report)
+
+
+def test_spikes_and_undefined_points_are_counted():
+    z = rough().heights.copy()
+    z[3, 4], z[50, 60:63] = 1e-4, np.nan
+    report = describe_surface(Topography(z, (1e-6, 1e-6)))
+    assert (report.spike_points, report.undefined_fraction) == (1, 3 / z.size)
+    assert report.peak_to_valley > 1e-4  # heights as the instrument counts them
+    # slopes without the spike
+    assert_allclose(report.rms_slope, describe_surface(rough()).rms_slope, rtol=0.01)
+
+
+def test_the_example_surface_is_described():
+    report = describe_surface(fs.read_topography(EXAMPLE))
+    assert report.spike_points < 5
+    # as its script says, and so is the noise; from roll-off to resolution is too short for a power law
+    assert_allclose(report.shortest_wave, 10e-6, rtol=0.05)
+    assert np.isnan(report.hurst)
+    assert_allclose(report.noise, 15e-9, rtol=0.6)
+    assert abs(np.rad2deg(report.lay_direction) - 1.5) < 1.5

@@ -1,4 +1,4 @@
-"""Parts of the error budget of the model and its input: hardness, and a fluid pressure that is ignored."""
+"""Errors of the model and its input, as changes of the leakage with a changed model."""
 
 from dataclasses import replace
 
