@@ -6,24 +6,18 @@ Symbols: E* contact modulus (1/E* = Σ(1−ν²)/E), p̄ mean pressure, h gap, k
 
 from __future__ import annotations
 
-from math import log, pi, sqrt
+from math import log, log1p, pi, sqrt
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from .base import Array, reals
 
 # former home of Persson's theory, which is still accepted
 from .persson import CLOSING_AREA as CLOSING_AREA
 from .persson import Junction as Junction
 from .persson import critical_junction as critical_junction
 from .persson import persson_area as persson_area
-
-Array = NDArray[np.float64]
-
-
-def _reals(values: ArrayLike) -> Array:
-    """Convert values to an array of real numbers."""
-    return np.asarray(values, dtype=float)
-
 
 # --- contact ---
 
@@ -82,7 +76,7 @@ def hertz_pressure(r: ArrayLike, load: float, radius: float, modulus: float) -> 
         Load, radius of the sphere and contact modulus, see `hertz_radius`.
     """
     a = hertz_radius(load, radius, modulus)
-    squared = np.clip(1 - (_reals(r) / a) ** 2, 0.0, None)  # 0 outside the contact
+    squared = np.clip(1 - (reals(r) / a) ** 2, 0.0, None)  # 0 outside the contact
     return hertz_peak_pressure(load, radius, modulus) * np.sqrt(squared)
 
 
@@ -122,7 +116,7 @@ def wave_contact_fraction(ratio: ArrayLike) -> Array:
     >>> round(float(wave_contact_fraction(0.5)), 12)
     0.5
     """
-    return 2 / pi * np.arcsin(np.sqrt(_reals(ratio)))
+    return 2 / pi * np.arcsin(np.sqrt(reals(ratio)))
 
 
 def wave_pressure(x: ArrayLike, ratio: float, wavelength: float) -> Array:
@@ -140,7 +134,7 @@ def wave_pressure(x: ArrayLike, ratio: float, wavelength: float) -> Array:
     wavelength : float
         Wavelength λ [m].
     """
-    ψ = pi * _reals(x) / wavelength
+    ψ = pi * reals(x) / wavelength
     return 2 * np.abs(np.cos(ψ)) * np.sqrt(np.clip(ratio - np.sin(ψ) ** 2, 0.0, None))
 
 
@@ -160,7 +154,7 @@ def wave_gap(x: ArrayLike, ratio: float, half_height: float, wavelength: float) 
     half_height, wavelength : float
         Amplitude Δ and wavelength λ [m].
     """
-    s = np.abs(np.sin(pi * _reals(x) / wavelength))
+    s = np.abs(np.sin(pi * reals(x) / wavelength))
     if ratio == 0:
         return 2 * half_height * s**2
     s_a = sqrt(ratio)
@@ -210,7 +204,7 @@ def wavy_contact_fraction_light(ratio: ArrayLike) -> Array:
     In the limit p̄/p* → 0, each square λ × λ of the surface contains two Hertzian contacts. Source: Johnson, Greenwood
     & Higginson 1985.
     """
-    return pi * (3 * _reals(ratio) / (8 * pi)) ** (2 / 3)
+    return pi * (3 * reals(ratio) / (8 * pi)) ** (2 / 3)
 
 
 def wavy_contact_fraction_full(ratio: ArrayLike) -> Array:
@@ -219,7 +213,7 @@ def wavy_contact_fraction_full(ratio: ArrayLike) -> Array:
     In the limit p̄/p* → 1, the remaining open spots are treated as penny-shaped cracks under pressure. Source: Johnson,
     Greenwood & Higginson 1985.
     """
-    return 1 - 3 / (2 * pi) * (1 - _reals(ratio))
+    return 1 - 3 / (2 * pi) * (1 - reals(ratio))
 
 
 # --- flow ---
@@ -227,7 +221,7 @@ def wavy_contact_fraction_full(ratio: ArrayLike) -> Array:
 
 def parallel_plates(gap: ArrayLike) -> Array:
     """Return the permeability h³/12 [m³] between parallel plates with the gap h [m]. Source: Reynolds 1886."""
-    return _reals(gap) ** 3 / 12
+    return reals(gap) ** 3 / 12
 
 
 def wavy_gap_along(gap: float, amplitude: float) -> float:
@@ -274,13 +268,13 @@ def large_gap(mean_gap: ArrayLike, rms: float) -> Array:
     rms : float
         Rms roughness σ [m].
     """
-    h = _reals(mean_gap)
+    h = reals(mean_gap)
     return h**3 / 12 - h * rms**2 / 8
 
 
 def stripes_across(permeabilities: ArrayLike) -> float:
     """Return the permeability of stripes of equal width in series: the harmonic mean, or 0 if a stripe is closed."""
-    k = _reals(permeabilities)
+    k = reals(permeabilities)
     return float(1 / np.mean(1 / k)) if np.all(k > 0) else 0.0
 
 
@@ -299,7 +293,7 @@ def log_symmetric_links(permeabilities: ArrayLike) -> float:
     symmetric, because the square lattice is equal to its dual lattice. Sources: Dykhne 1971; Marchant & Gabillard, C.
     R. Acad. Sci. 281 B, 1975, 261.
     """
-    k = _reals(permeabilities)
+    k = reals(permeabilities)
     return float(np.exp(np.mean(np.log(k)))) if np.all(k > 0) else 0.0
 
 
@@ -343,7 +337,8 @@ def turned_annulus_rate(
     """Return the flow [m³/s] through a ring with a spiral groove, Δp/η · 2π/∫ dr/(r k_rr).
 
     The radial permeability is k_rr = k⊥ cos²α + k∥ sin²α with tan α = lead/2πr. If the ridges are closed (k⊥ = 0), the
-    fluid can only follow the groove. Source: Geoffroy & Prat, J. Fluids Eng. 126, 2004, 48.
+    fluid can only follow the groove. If the grooves are closed (k∥ = 0), it can only flow across them. Source:
+    Geoffroy & Prat, J. Fluids Eng. 126, 2004, 48.
 
     Parameters
     ----------
@@ -360,15 +355,26 @@ def turned_annulus_rate(
     1.0
     """
     c2 = (lead / (2 * pi)) ** 2  # tan²α = c2/r²
-    if along * c2 == 0:
-        return annulus_rate(across, pressure_drop, viscosity, inner_radius, outer_radius)
+    if across == 0 and along * c2 == 0:
+        return 0.0
     log_ratio = log(outer_radius / inner_radius)
-    # integral of 1/(r k_rr) from the inner to the outer radius
-    if across == 0:
-        integral = (log_ratio + (outer_radius**2 - inner_radius**2) / (2 * c2)) / along
+    # integral of 1/(r k_rr) from the inner to the outer radius, with k_rr = (k⊥r² + k∥c2)/(r² + c2); both forms are
+    # equal, and each is free of cancellation in its range
+    if along < across:
+        ratio = along / across
+        if ratio == 0:
+            excess = c2 * (inner_radius**-2 - outer_radius**-2) / 2
+        else:
+            difference = log1p(ratio * c2 / inner_radius**2) - log1p(ratio * c2 / outer_radius**2)
+            excess = (1 - ratio) / (2 * ratio) * difference
+        integral = (log_ratio + excess) / across
     else:
-        outer_term = across * outer_radius**2 + along * c2
-        inner_term = across * inner_radius**2 + along * c2
-        correction = (1 - across / along) / (2 * across) * log(outer_term / inner_term)
-        integral = log_ratio / along + correction
+        ratio = across / along
+        square_difference = outer_radius**2 - inner_radius**2
+        if ratio == 0:
+            excess = square_difference / (2 * c2)
+        else:
+            growth = ratio * square_difference / (ratio * inner_radius**2 + c2)
+            excess = (1 - ratio) / (2 * ratio) * log1p(growth)
+        integral = (log_ratio + excess) / along
     return 2 * pi * pressure_drop / (viscosity * integral)

@@ -21,10 +21,21 @@ D = 1e-6
 OIL = fs.Liquid(1e-3)
 
 
-@pytest.mark.parametrize("across", [0.0, 1e-18, 3e-17])
-@pytest.mark.parametrize("lead", [60e-6, 0.5e-3])
-def test_the_closed_form_is_the_integral(across, lead):
-    along, inner, outer = 2e-15, 2e-3, 2.6e-3
+@pytest.mark.parametrize(
+    ("along", "across"),
+    [
+        (2e-15, 0.0),
+        (2e-15, 1e-27),
+        (2e-15, 1e-18),
+        (2e-15, 3e-17),
+        (2e-15, 2e-15),
+        (1e-27, 2e-15),
+        (0.0, 2e-15),
+    ],
+)
+@pytest.mark.parametrize("lead", [60e-6, 0.5e-3, 20e-3])
+def test_the_closed_form_is_the_integral(along, across, lead):
+    inner, outer = 2e-3, 2.6e-3
 
     def resistance(r):
         tangent = 2 * lead / (2 * np.pi * r)
@@ -33,6 +44,11 @@ def test_the_closed_form_is_the_integral(across, lead):
     exact = 2 * np.pi / quad(resistance, inner, outer, epsrel=1e-12)[0]
     found = fs.analytic.turned_annulus_rate(along, across, 2 * lead, 1.0, 1.0, inner, outer)
     assert_allclose(found, exact, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("along", "lead"), [(0.0, 1e-3), (2e-15, 0.0)])
+def test_nothing_flows_through_a_ring_that_is_closed_across_the_grooves(along, lead):
+    assert fs.analytic.turned_annulus_rate(along, 0.0, lead, 1.0, 1.0, 2e-3, 2.6e-3) == 0
 
 
 def test_a_ring_of_tiles_converges_to_the_closed_form():
