@@ -6,16 +6,15 @@ Symbols: E* contact modulus, p̄ mean pressure, H hardness, q wave number [rad/m
 from __future__ import annotations
 
 from functools import cache
-from math import erf, erfc, inf, log, pi, sqrt
+from math import inf, log, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.special import erf, erfc
 
 from .base import Array, reals
 
-_erf = np.vectorize(erf, otypes=[float])
-_erfc = np.vectorize(erfc, otypes=[float])
 #: If the rms pressure of full contact exceeds the hardness by this factor, the contact fraction is p̄/H to all digits.
 _ALL_PLASTIC = 50.0
 #: Ratio γ of the elastic energy of a rough contact to the elastic energy of full contact at the same pressure.
@@ -56,12 +55,12 @@ def persson_area(pressure: ArrayLike, spread: ArrayLike, hardness: float = inf) 
     p = reals(pressure)
     s = reals(spread)
     width = sqrt(2) * np.maximum(np.minimum(s, _ALL_PLASTIC * hardness), 1e-150)
-    area = _erf(p / width)
+    area = erf(p / width)
     if hardness < inf:
         # later terms of the sum are below the rounding error
         terms = 5 + int(3.1 * np.max(width) / hardness)
         for reflection in 2 * hardness * np.arange(1, terms):
-            area = area + _erfc((reflection - p) / width) - _erfc((reflection + p) / width)
+            area = area + erfc((reflection - p) / width) - erfc((reflection + p) / width)
     return np.asarray(area)
 
 
@@ -194,7 +193,7 @@ class _GapIntegral(NamedTuple):
 def _gap_integral() -> _GapIntegral:
     """Tabulate the integral G of `critical_junction` by the trapezoidal rule in ln x."""
     x = np.geomspace(1e-8, 6, 4000)
-    erf_x = _erf(x)
+    erf_x = erf(x)
     integrand = (_ENERGY + 3 * (1 - _ENERGY) * erf_x**2) * np.exp(-(x**2))
     steps = (integrand[1:] + integrand[:-1]) / 2 * np.diff(np.log(x))
     # sum from each point to the last one, where the integral is 0
