@@ -88,7 +88,13 @@ def remove_foreign(path: Path) -> None:
 
 
 def is_inside(folder: Path, name: Path) -> bool:
-    """Return whether a relative path stays in a folder when links are followed. The path need not exist."""
+    """Return whether a relative path names an entry of a folder, or of a folder inside it, and passes no link.
+
+    A link among the parents of the path counts as outside, even if it leads to a place inside the folder. The last part
+    of the path may be a link, because a file that is removed or replaced is the link itself. The path need not exist.
+    """
+    if name.is_absolute() or ".." in name.parts:
+        return False
     actual_parent = Path(os.path.realpath(folder / name.parent))
     return actual_parent == Path(os.path.realpath(folder)) / name.parent
 

@@ -1,11 +1,12 @@
-"""Files are written with the usual permissions."""
+"""Files have the usual permissions, and paths stay in a folder."""
 
 import os
 import sys
+from pathlib import Path
 
 import pytest
 
-from femseal.base.files import write_text
+from femseal.base.files import is_inside, write_text
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no umask")
@@ -21,3 +22,33 @@ def test_a_file_has_the_usual_permissions(tmp_path, monkeypatch, mask):
         os.umask(before)
     assert path.stat().st_mode & 0o777 == 0o666 & ~mask
     assert [file.name for file in tmp_path.iterdir()] == ["a.txt"]
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("new", True),
+        ("part/new", True),
+        ("none/new", True),
+        ("part/../new", False),
+        ("../new", False),
+        ("..", False),
+        ("linked_part/new", False),
+        ("elsewhere/new", False),
+        # removing or replacing these changes the link itself
+        ("elsewhere", True),
+        ("linked_file", True),
+    ],
+)
+def test_a_path_stays_in_a_folder_if_it_passes_no_link(tmp_path, name, expected):
+    folder = tmp_path / "folder"
+    (folder / "part").mkdir(parents=True)
+    (folder / "linked_part").symlink_to(folder / "part")
+    (folder / "elsewhere").symlink_to(tmp_path)
+    (tmp_path / "file").touch()
+    (folder / "linked_file").symlink_to(tmp_path / "file")
+    assert is_inside(folder, Path(name)) is expected
+
+
+def test_an_absolute_path_is_not_in_a_folder(tmp_path):
+    assert not is_inside(tmp_path, Path(tmp_path.anchor) / "file")
