@@ -2,8 +2,7 @@
 
 `repairs` describes the first two steps, and `grid_choice` how the shortest wave and the grid are chosen.
 
-Source: section 4.1 of the model, after Pérez-Ràfols et al., Tribol. Lett. (2018): remove the tilt, truncate in Fourier
-space so that the shortest wave is resolved by at least 8 pixels.
+Source: Pérez-Ràfols et al., Tribol. Lett. (2018), who remove the tilt, and the waves that are shorter than 8 pixels.
 """
 
 from __future__ import annotations
@@ -249,12 +248,13 @@ def smooth(
         unseen_slope = sqrt(waves.law.slope_power(measured, measured / UNSEEN))
     wave = default_wave(flat, shape, instrument) if shortest_wave is None else shortest_wave
     shortest = check_wave(wave, flat.size, shape)
+    undefined_points = sum(part.undefined_fraction * face.heights.size for face, part in parts)
     # computed before the result is, so that the temporary maps do not add to its memory
     extreme = max(spikes_extreme(face, part.removed, shortest) for face, part in parts)
     result = flat.low_pass(shortest).resample(shape)
     tilt1, tilt2 = form.slopes
     return result, Conditioning(
-        undefined_fraction=sum(part.undefined_fraction for _, part in parts) / len(parts),
+        undefined_fraction=undefined_points / sum(face.heights.size for face, _ in parts),
         spike_points=sum(part.spike_points for _, part in parts),
         spikes_extreme=extreme,
         removed_tilt=(atan(tilt1), atan(tilt2)),

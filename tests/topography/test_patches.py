@@ -157,6 +157,17 @@ def test_each_patch_is_conditioned_separately():
         fs.condition(fs.Patches(tilted), shortest_wave=60e-6)
 
 
+def test_the_undefined_fraction_of_patches_of_different_length_is_that_of_all_points():
+    long, short = patches(2)
+    long = fs.Topography(np.hstack([long.heights] * 3), long.spacing)
+    heights = short.heights.copy()
+    heights[10, 5:17] = np.nan
+    surface = fs.Patches([long, fs.Topography(heights, short.spacing)])
+    _, done = fs.condition(surface, spikes=np.inf)
+    assert_allclose(done.undefined_fraction, 12 / (4 * heights.size))
+    assert_allclose(done.undefined_fraction, surface.undefined_fraction)
+
+
 def test_the_former_name_of_patches_warns_of_the_new_one():
     with pytest.warns(DeprecationWarning, match="Patches"):
         old = fs.Places(patches(2))
