@@ -171,14 +171,15 @@ def _largest_rectangle(inside: Flags) -> tuple[slice, slice]:
     # position of the first True.
     first_column = np.argmax(inside[rows], axis=1)
     end_column = inside.shape[1] - np.argmax(inside[rows, ::-1], axis=1)
-    # Because the set is convex, a rectangle from row i to row j lies inside if its first and its last row do. The
-    # arrays below contain all pairs of rows (i, j); pairs with i > j get the area 0.
-    width = np.minimum(end_column[:, None], end_column)
-    width = width - np.maximum(first_column[:, None], first_column)
-    height = rows - rows[:, None] + 1
-    area = np.triu(height * width)
-    i, j = np.unravel_index(int(np.argmax(area)), area.shape)
-    row_range = slice(int(rows[i]), int(rows[j]) + 1)
-    first = int(max(first_column[i], first_column[j]))
-    end = int(min(end_column[i], end_column[j]))
-    return row_range, slice(first, end)
+    largest_area = 0
+    for i, row in enumerate(rows):
+        # Because the set is convex, a rectangle from row i to a later row lies inside if its first and its last row do.
+        first = np.maximum(first_column[i:], first_column[i])
+        end = np.minimum(end_column[i:], end_column[i])
+        area = (end - first) * (rows[i:] - row + 1)
+        j = int(np.argmax(area))
+        if area[j] > largest_area:
+            largest_area = area[j]
+            row_range = slice(int(row), int(rows[i + j]) + 1)
+            column_range = slice(int(first[j]), int(end[j]))
+    return row_range, column_range

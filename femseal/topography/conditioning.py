@@ -2,7 +2,7 @@
 
 `repairs` describes the first two steps, and `grid_choice` how the shortest wave and the grid are chosen.
 
-Source: Pérez-Ràfols et al., Tribol. Lett. (2018), who remove the tilt, and the waves that are shorter than 8 pixels.
+Source: Pérez-Ràfols et al., Proc. IMechE J (2018), who remove the tilt, and the waves that are shorter than 8 pixels.
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ from math import inf, nan, pi
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from test_repairs import open_map, rough
+from test_repairs import most_memory, open_map, rough
 
 from femseal.base import InputError
 from femseal.topography import (
@@ -65,6 +65,13 @@ def test_the_largest_rectangle_that_both_faces_cover_is_kept(degrees):
     both, overlap = combine(first, second, rotate=angle, shift=shift)
     assert both.heights.size == max(areas)
     assert_allclose(overlap.fraction, max(areas) / (14 * 17))
+
+
+def test_faces_of_many_rows_are_laid_on_one_another_with_little_memory():
+    n = 2000
+    first, second = (open_map(np.zeros((n, 6))) for _ in range(2))
+    # an array of all pairs of rows would take 8n² bytes
+    assert most_memory(lambda: combine(first, second, shift=(0.0, 1e-6))) < n**2
 
 
 def test_coinciding_faces_are_added_point_by_point():
