@@ -17,11 +17,11 @@ import numpy as np
 import scipy.sparse as sp
 from skfem import Basis, ElementQuad1, MeshQuad
 
-from ..base import Array, NotConverged, Pair
+from ..base import Array, Pair
 from . import forms
 from .grid import gap_on_links
 from .law import cubic_law
-from .problem import MAX_IMBALANCE, DarcyFlow, potential_rtol
+from .problem import MAX_IMBALANCE, DarcyFlow, checked_imbalance, potential_rtol
 from .solvers.sparse import solve_network
 
 
@@ -127,15 +127,14 @@ def solve_plain(
     link = sp.triu(matrix, k=1).tocoo()
     drop = np.nan_to_num(network.potential[link.row] - network.potential[link.col])
     conductance = float(-link.data @ drop**2)
-    inflow, outflow = network.inflow, network.outflow
-    imbalance = max(abs(inflow - outflow), abs(inflow - conductance)) / conductance
-    allowed = max(MAX_IMBALANCE, 0.01 * wanted)
-    if not imbalance <= allowed:
-        raise NotConverged(
-            f"flow: the flow rates at inlet and outlet differ by {imbalance:.1e}, expected {allowed:.0e}; "
-            "try the solver 'elimination'",
-            imbalance,
-        )
+    imbalance = checked_imbalance(
+        network.inflow,
+        network.outflow,
+        conductance,
+        scale=conductance,
+        allowed=max(MAX_IMBALANCE, 0.01 * wanted),
+        advice="try the solver 'elimination'",
+    )
     return DarcyFlow(
         conductance,
         pressure,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import frexp, ldexp, prod
+from math import frexp, inf, ldexp, prod
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, Lengths, Pair, counted, shown, validate
+from ..base import Array, InputError, Lengths, NotConverged, Pair, counted, shown, validate
 
 SIDES = ("mirror", "periodic")
 #: Fast solvers, which require a five-point stencil; and sparse solvers, which accept any sparse matrix.
@@ -143,6 +143,44 @@ def potential_rtol(rtol: float, field_rtol: float | None = None) -> float:
     """
     allowed = float(np.sqrt(rtol))
     return allowed if field_rtol is None else min(allowed, field_rtol)
+
+
+def checked_imbalance(
+    inflow: float,
+    outflow: float,
+    energy: float,
+    *,
+    scale: float,
+    allowed: float,
+    flow: str = "flow",
+    advice: str = "",
+) -> float:
+    """Compute the relative imbalance of a flow, which is caused by the errors of the solver and of rounding.
+
+    For a unit potential drop, the inflow, the outflow and the dissipated energy of an exact solution are equal. The
+    imbalance is the larger of |inflow − outflow| and |inflow − energy|, divided by a flow rate.
+
+    Parameters
+    ----------
+    inflow, outflow, energy : flow rates at inlet and outlet, and dissipated energy for a unit potential drop.
+    scale : flow rate by which the differences are divided. If it is not positive, the imbalance is infinite.
+    allowed : largest imbalance that is accepted.
+    flow, advice : which flow has been computed, and what the user should try, for the error message.
+
+    Raises
+    ------
+    NotConverged : the imbalance is larger than `allowed`, or is not a number.
+    """
+    imbalance = inf
+    if scale > 0:
+        imbalance = float(max(abs(inflow - outflow), abs(inflow - energy)) / scale)
+    if not imbalance <= allowed:
+        raise NotConverged(
+            f"{flow}: the flow rates at inlet and outlet differ by {imbalance:.1e}, expected {allowed:.0e}"
+            + (f"; {advice}" if advice else ""),
+            imbalance,
+        )
+    return imbalance
 
 
 @dataclass(frozen=True)

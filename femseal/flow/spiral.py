@@ -26,11 +26,11 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ..base import Array, Indices, InputError, NotConverged, Pair, to_text
+from ..base import Array, Indices, InputError, Pair, to_text
 from .cell import cell_stencil
 from .grid import Stencil
 from .law import cubic_law
-from .problem import unit_spacing
+from .problem import checked_imbalance, unit_spacing
 from .solvers.sparse import NetworkFlow, solve_network
 
 #: Smallest fraction w for which the flow is solved. For a smaller w, rounding errors would spoil the solution, and the
@@ -325,11 +325,14 @@ def _drop_to_next_groove(rows: Indices, conductance: Array, label: Indices, shif
 
 def _check_balance(network: NetworkFlow) -> None:
     """Raise NotConverged if the inflow and the outflow of a network differ too much."""
+    if network.solution is None:
+        return
     inflow, outflow = network.inflow, network.outflow
-    largest = max(abs(inflow), abs(outflow))
-    imbalance = abs(inflow - outflow) / largest if network.solution is not None else 0.0
-    if not imbalance <= _IMBALANCE:
-        raise NotConverged(
-            f"flow along spiral grooves: inflow and outflow differ by {imbalance:.1e}",
-            imbalance,
-        )
+    checked_imbalance(
+        inflow,
+        outflow,
+        energy=inflow,  # the energy of the flow is computed later, and is not compared
+        scale=max(abs(inflow), abs(outflow)),
+        allowed=_IMBALANCE,
+        flow="flow along spiral grooves",
+    )

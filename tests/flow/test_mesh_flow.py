@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from decimal import Decimal, localcontext
+from math import nan
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from femseal.analytic import stripes_across
 from femseal.base import InputError, NotConverged
 from femseal.flow import mesh as flow_through_mesh
 from femseal.flow.mesh import darcy_conductance
+from femseal.flow.problem import checked_imbalance
 
 LINEAR = [MeshTri, MeshQuad]
 
@@ -179,6 +181,18 @@ def test_flows_that_do_not_balance_are_refused(monkeypatch):
     monkeypatch.setattr(flow_through_mesh, "solve_between_ends", careless)
     with pytest.raises(NotConverged, match=r"^flow: the flow rates at inlet and outlet differ by"):
         flow(rectangle(MeshTri, 3, 3), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("rates", "scale"),
+    [((1.0, 0.98, 1.0), 1.0), ((1.0, 1.0, 0.98), 1.0), ((1.0, nan, 1.0), 1.0), ((0.0,) * 3, 0.0)],
+)
+def test_inflow_outflow_and_energy_must_agree(rates, scale):
+    assert checked_imbalance(1.0, 0.995, 1.0025, scale=2.0, allowed=0.01) == pytest.approx(0.0025)
+    with pytest.raises(NotConverged, match=r"^flow through a test: .* expected 1e-02; advice$"):
+        checked_imbalance(
+            *rates, scale=scale, allowed=0.01, flow="flow through a test", advice="advice"
+        )
 
 
 @pytest.mark.parametrize("kind", [MeshQuad, MeshTri])

@@ -8,7 +8,7 @@ outlet, the flow is exactly 0.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import exp, inf, isfinite, ldexp, log, log2, sqrt
+from math import exp, isfinite, ldexp, log, log2, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,14 @@ from ..percolation import (
     nodes_reached,
     prepare_links_in_place,
 )
-from ..problem import FAST_SOLVERS, MAX_IMBALANCE, DarcyFlow, check_links, check_solver
+from ..problem import (
+    FAST_SOLVERS,
+    MAX_IMBALANCE,
+    DarcyFlow,
+    check_links,
+    check_solver,
+    checked_imbalance,
+)
 from .elimination import eliminate
 from .multigrid import COARSEST_NODES, coarsest_nodes, solve_multigrid
 from .thresholds import (
@@ -351,16 +358,14 @@ def _check_balance(
         conductance = stencil.energy(φ)
     inflow = (stencil.along[0] * ψ[1]).sum()
     outflow = (stencil.along[-1] * φ[-2]).sum()
-    imbalance = inf
-    if conductance > 0:
-        difference = max(abs(inflow - outflow), abs(inflow - conductance))
-        imbalance = float(difference / conductance)
-    if not imbalance <= allowed:
-        raise NotConverged(
-            f"flow: the flow rates at inlet and outlet differ by {imbalance:.1e}, expected {allowed:.0e}; "
-            "try the solver 'elimination'",
-            imbalance,
-        )
+    imbalance = checked_imbalance(
+        inflow,
+        outflow,
+        conductance,
+        scale=conductance,
+        allowed=allowed,
+        advice="try the solver 'elimination'",
+    )
     φ[~keep] = np.nan
     ψ[~keep] = np.nan
     return DarcyFlow(
