@@ -12,11 +12,12 @@ and the unloading curve of the lowest one.
 from __future__ import annotations
 
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from ..base import Array, Indices
+from ..base import Array, Flags, Indices
 from ..loads import LoadProgramme
 
 
@@ -63,6 +64,19 @@ class LogCurve:
         beyond = np.maximum(x - self._x[-1], 0.0) if np.isfinite(self.end) else 0.0
         value = self._inner(np.clip(x, self._x[0], self._x[-1])) + slope * beyond
         return np.where(x <= self.end, value, -np.inf)
+
+
+class _Knots(NamedTuple):
+    """The two knots between which an unloading curve is interpolated, for each of n peaks.
+
+    Knot 0 is the loading curve, and knot m the unloading curve from the m-th tabulated peak.
+
+    upper : array (n,), number of the upper knot; the lower knot is `upper` − 1.
+    weight : array (n,), weight of the upper knot.
+    """
+
+    upper: Indices
+    weight: Array
 
 
 class CellCurves:
@@ -128,54 +142,59 @@ class CellCurves:
         array, (n,)
             Permeability [m³].
         """
-        if not self._peaks.size and self._has_unloadings:
-            return np.full(np.shape(pressure), np.nan)
         if not self._peaks.size:
+            if self._has_unloadings:
+                return np.full(np.shape(pressure), np.nan)
             return self.k_on_loading(pressure)
-        fraction = np.clip(pressure / peak, 0.0, 1.0)
-        # Knot 0 is the loading curve, and knot m the m-th tabulated peak. The result is interpolated between the knots
-        # `upper` − 1 and `upper`.
-        knots = np.r_[0.0, self._peaks]
-        upper = np.clip(np.searchsorted(knots, peak), 1, knots.size - 1)
-        # Unloaded from a peak below the closing pressure, the cell is always open. For higher peaks, the reopening
-        # pressure as a fraction of the peak decreases from 1.
+        reopening = self._reopening_fractions(peak)
+        # pressure as a fraction of the reopening pressure; above 1 the cell is still closed
+        fraction_of_peak = np.clip(pressure / peak, 0.0, 1.0)
+        relative = np.full(fraction_of_peak.shape, np.inf)
+        np.divide(fraction_of_peak, reopening, out=relative, where=reopening > 0)
+        knots = self._knots_around(peak)
+        inside = np.clip(relative, 0, 1)
+        at_peak = self.loading(np.cbrt(peak))
+        log_k = _corrected_to_peak(
+            self._log_k_between(knots, inside, peak),
+            at_peak=at_peak,
+            at_reopening=self._log_k_between(knots, np.ones_like(inside), peak),
+            without_pressure=self._log_k_between(knots, np.zeros_like(inside), peak),
+            # constant between the loading curve and the unloading curve from the lowest tabulated peak
+            decreases=knots.upper > 1,
+        )
+        # limits of ln k: its values at the peak and, at the same pressure, on loading
+        on_loading = self.loading(np.cbrt(pressure))
+        log_k = np.clip(log_k, np.minimum(at_peak, on_loading), on_loading)
+        return np.where((relative <= 1) & np.isfinite(on_loading), np.exp(log_k), 0.0)
+
+    def _reopening_fractions(self, peak: Array) -> Array:
+        """Interpolate the reopening pressure as a fraction of the peak pressure, for peaks (n,) [Pa].
+
+        Unloaded from a peak below the closing pressure, the cell is always open, and the fraction is 1. For higher
+        peaks, the fraction decreases from 1.
+        """
         closing = max(self.loading.end, 0.0) ** 3
         is_above = self._peaks > closing
         tabulated = np.array([_reopening_fraction(curve) for curve in self._unloading])
-        reopening = np.interp(
-            peak, np.r_[closing, self._peaks[is_above]], np.r_[1.0, tabulated[is_above]]
-        )
-        # pressure as a fraction of the reopening pressure; above 1 the cell is still closed
-        relative = np.divide(
-            fraction, reopening, out=np.full(fraction.shape, np.inf), where=reopening > 0
-        )
-        x = np.cbrt(knots)
+        fractions = np.r_[1.0, tabulated[is_above]]
+        return np.interp(peak, np.r_[closing, self._peaks[is_above]], fractions)
+
+    def _knots_around(self, peak: Array) -> _Knots:
+        """Find the knots below and above each of the given peaks (n,) [Pa], and the weight of the upper one."""
+        pressures = np.r_[0.0, self._peaks]
+        upper = np.clip(np.searchsorted(pressures, peak), 1, pressures.size - 1)
+        x = np.cbrt(pressures)
         weight = np.clip((np.cbrt(peak) - x[upper - 1]) / (x[upper] - x[upper - 1]), 0, 1)
-        inside = np.clip(relative, 0, 1)
+        return _Knots(upper, weight)
 
-        def interpolate(relative_pressure: Array) -> Array:
-            """Interpolate ln k between the curves of two neighbouring knots, at fractions of the reopening pressure."""
-            below = self._log_k_at_knots(upper - 1, relative_pressure, peak)
-            above = self._log_k_at_knots(upper, relative_pressure, peak)
-            return _interpolate_log_k(weight, below, above)
+    def _log_k_between(self, knots: _Knots, relative: Array, peak: Array) -> Array:
+        """Interpolate ln k between the curves of two neighbouring knots.
 
-        log_k = interpolate(inside)
-        at_reopening = interpolate(np.ones_like(inside))
-        without_pressure = interpolate(np.zeros_like(inside))
-        at_peak = self.loading(np.cbrt(peak))  # lower bound
-        on_loading = self.loading(np.cbrt(pressure))  # upper bound
-        # If the cell is open at its peak, the unloading curve must begin at `at_peak`. The interpolated curve begins at
-        # `at_reopening` instead, and is corrected by the difference. The correction decreases to 0 as the cell is
-        # released; between the loading curve and the lowest tabulated peak it is constant.
-        is_open = np.isfinite(at_peak) & np.isfinite(at_reopening)
-        difference = at_peak[is_open] - at_reopening[is_open]
-        rise = log_k[is_open] - at_reopening[is_open]
-        total_rise = np.maximum(without_pressure[is_open] - at_reopening[is_open], difference)
-        has_rise = (total_rise > 0) & (upper[is_open] > 1)
-        released_part = np.divide(rise, total_rise, out=np.zeros_like(rise), where=has_rise)
-        log_k[is_open] += difference * (1 - released_part)
-        log_k = np.clip(log_k, np.minimum(at_peak, on_loading), on_loading)
-        return np.where((relative <= 1) & np.isfinite(on_loading), np.exp(log_k), 0.0)
+        relative, peak : as in `_log_k_at_knots`.
+        """
+        below = self._log_k_at_knots(knots.upper - 1, relative, peak)
+        above = self._log_k_at_knots(knots.upper, relative, peak)
+        return _interpolate_log_k(knots.weight, below, above)
 
     def _log_k_at_knots(self, knot: Indices, relative: Array, peak: Array) -> Array:
         """Evaluate ln k at n points, each on the curve of a given knot.
@@ -215,6 +234,30 @@ class CellCurves:
 def _reopening_fraction(unloading: LogCurve) -> float:
     """Return the ratio of the reopening pressure of a cell to the peak pressure; 0 if the cell stays closed."""
     return min(max(unloading.end, 0.0), 1.0)
+
+
+def _corrected_to_peak(
+    log_k: Array, *, at_peak: Array, at_reopening: Array, without_pressure: Array, decreases: Flags
+) -> Array:
+    """Correct interpolated values of ln k, so that the unloading curve begins at its peak on the loading curve.
+
+    A cell that is open at its peak is unloaded from `at_peak`, but the interpolated curve begins at `at_reopening`. The
+    difference is added to the interpolated curve. All arrays have the shape (n,).
+
+    log_k : ln k on the interpolated unloading curve.
+    at_peak : ln k on the loading curve at the peak; −inf if the cell is closed there.
+    at_reopening, without_pressure : ln k at the two ends of the interpolated unloading curve.
+    decreases : whether the correction decreases to 0 as the cell is released. Otherwise it is constant.
+    """
+    is_open = np.isfinite(at_peak) & np.isfinite(at_reopening)
+    difference = at_peak[is_open] - at_reopening[is_open]
+    rise = log_k[is_open] - at_reopening[is_open]
+    total_rise = np.maximum(without_pressure[is_open] - at_reopening[is_open], difference)
+    has_rise = (total_rise > 0) & decreases[is_open]
+    released_part = np.divide(rise, total_rise, out=np.zeros_like(rise), where=has_rise)
+    corrected = log_k.copy()
+    corrected[is_open] += difference * (1 - released_part)
+    return corrected
 
 
 def _interpolate_log_k(weight: Array, a: Array, b: Array) -> Array:
