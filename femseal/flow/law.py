@@ -19,11 +19,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..base import Array, InputError, reals
+from ..base import Array, InputError, NotConverged, reals, validate
 
 #: Inverse Knudsen numbers D between the four formulas of `flow_rate`: from free molecules to the first formula of the
 #: transition, from there to the second one, and from there to slip flow.
 FREE_MOLECULAR, TRANSITION, SLIP = 0.01, 0.15, 5.0
+#: Largest relative error of the permeability of a gap that `FlowLaw.gap` computes.
+_GAP_RTOL = 1e-9
 #: Smallest D that is used, because ln D diverges at 0.
 _LEAST = 1e-30
 #: Constant term of the free-molecular Q(D) between infinite plates, with Euler's constant 0.577….
@@ -150,14 +152,31 @@ class FlowLaw(ABC):
         return gap_with_factor(h, factor)
 
     def gap(self, permeability: float, pressure: float = 0.0) -> float:
-        """Compute the gap [m] that has a given permeability > 0 [m³], by the secant method in ln h."""
+        """Compute the gap [m] that has a given permeability > 0 [m³], by the secant method in ln h.
+
+        Raises
+        ------
+        InputError : the permeability is not a number > 0.
+        NotConverged : no gap with this permeability was found.
+        """
         from scipy.optimize import newton
+
+        validate.number("permeability", permeability, unit="m³")
 
         def log_ratio(log_gap: float) -> float:
             return float(np.log(self.permeability(np.exp(log_gap), pressure) / permeability))
 
         start = np.log(np.cbrt(12 * permeability))
-        return float(np.exp(newton(log_ratio, start, tol=1e-14, disp=False)))
+        log_gap = newton(log_ratio, start, tol=1e-14, disp=False)
+        error = abs(log_ratio(log_gap))
+        if not error <= _GAP_RTOL:
+            raise NotConverged(
+                f"gap of a flow law: no gap with the permeability {permeability:g} m³ was found for {self}; at the "
+                f"last gap, {np.exp(log_gap):g} m, the permeability differs by a factor of {np.exp(error):.3g}. "
+                "The permeability of a flow law must increase continuously with the gap",
+                error,
+            )
+        return float(np.exp(log_gap))
 
 
 @dataclass(frozen=True)

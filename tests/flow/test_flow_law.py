@@ -10,6 +10,7 @@ from small_cases import CASE, scene_of_fluid
 
 import femseal as fs
 from femseal.analytic import parallel_plates
+from femseal.base import NotConverged
 from femseal.flow import FlowLaw, SlipLength
 from femseal.flow.law import CUBIC_LAW, law_of
 from femseal.flow.permeability_table import tabulate
@@ -84,6 +85,22 @@ def test_inverse(law):
     assert_allclose(
         parallel_plates(law.equivalent_gap(gap, p)), law.permeability(gap, p), rtol=1e-12
     )
+
+
+@dataclass(frozen=True)
+class Opening(FlowLaw):
+    """A law with a jump: below a gap of 1 µm, almost nothing flows."""
+
+    def factor(self, gap, pressure=0.0):
+        return np.where(np.asarray(gap) > 1e-6, 1.0, 1e-6)
+
+
+def test_a_permeability_that_no_gap_has_is_an_error():
+    with pytest.raises(NotConverged, match=r"no gap with the permeability 1e-20 m³ .* Opening\(\)"):
+        Opening().gap(1e-20)
+    for bad in (0.0, -1e-18, np.nan):
+        with pytest.raises(fs.InputError, match=r"^permeability: given .*> 0 \[m³\]"):
+            CUBIC_LAW.gap(bad)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
