@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .base import Array, InputError, reals, to_text
+from .base import Array, InputError, NotConverged, reals, to_text
 from .base.leak_rates import GAS_CONSTANT, STANDARD_PRESSURE
 from .base.validate import check_parameters, described, parameter
 from .flow.law import CUBIC_LAW, FlowLaw, FukuiKaneko
@@ -36,6 +36,8 @@ _ERROR = 1e-7
 _FIRST_PRESSURE = 1e5
 #: Number of pressures above 0 in the first table of a real gas, before points are added.
 _FEWEST = 33
+#: Largest number of pressures in the table of a real gas. Usual gases need fewer than 200.
+_MOST = 10_000
 #: Highest pressure in the table of a real gas [Pa]. No seal carries a higher pressure, and equations of state are not
 #: valid at higher pressures.
 _HIGHEST = 1e9
@@ -371,6 +373,11 @@ def _table(name: str, temperature: float) -> _Table:
     A cubic spline interpolates the slope dφ/dp = ρ/η. The integral of this spline is the potential φ. Midway between
     neighbouring pressures of the table, the interpolated slope is checked against the exact slope. Where the error is
     too large, the midpoint is added to the table. This is repeated until all errors are small enough.
+
+    Raises
+    ------
+    NotConverged
+        The errors are too large even with 10,000 pressures in the table.
     """
     from scipy.interpolate import CubicSpline
 
@@ -383,7 +390,7 @@ def _table(name: str, temperature: float) -> _Table:
     first = min(_FIRST_PRESSURE, 0.5 * limit)
     pressures = np.append(0.0, np.geomspace(first, limit, _FEWEST))
     slopes = np.append(0.0, exact_slope(pressures[1:]))
-    while True:
+    while pressures.size <= _MOST:
         slope = CubicSpline(pressures, slopes)
         potential = slope.antiderivative()
         middles = 0.5 * (pressures[1:] + pressures[:-1])
@@ -396,6 +403,11 @@ def _table(name: str, temperature: float) -> _Table:
             return _Table(pressures, potential, slope, saturates, molar_mass)
         pressures = np.insert(pressures, coarse + 1, middles[coarse])
         slopes = np.insert(slopes, coarse + 1, exact[coarse])
+    raise NotConverged(
+        f"real gas: {_MOST:,} pressures do not resolve density and viscosity of {name} at "
+        f"{temperature - 273.15:.4g} °C, which CoolProp computes. Try another temperature, or an IdealGas",
+        float(error.max()),
+    )
 
 
 def _highest_pressure(name: str, temperature: float) -> tuple[float, bool]:

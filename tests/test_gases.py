@@ -13,6 +13,8 @@ from scipy.integrate import quad
 from small_cases import CASE, steel_scene
 
 import femseal as fs
+from femseal import gases
+from femseal.base import NotConverged
 from femseal.checks.ideal_gas import ideal_gas_error
 from femseal.fluids import FLUIDS, potential_of
 from femseal.named_fluids import FLUID_TABLE, named_fluid
@@ -22,6 +24,21 @@ from femseal.studies.other_fluid import limit_factors
 needs_coolprop = pytest.mark.skipif(
     find_spec("CoolProp") is None, reason="the extra femseal[fluids] is not installed"
 )
+
+
+def test_a_table_that_does_not_resolve_a_gas_ends(monkeypatch):
+    """Density and viscosity that differ at random from pressure to pressure are not interpolated by any table."""
+    random = np.random.default_rng(0)
+    monkeypatch.setattr(
+        gases,
+        "density_and_viscosity",
+        lambda name, t, p: (random.random(p.shape), np.ones(p.shape)),
+    )
+    monkeypatch.setattr(gases, "_highest_pressure", lambda name, t: (1e8, False))
+    with pytest.raises(NotConverged, match="10,000 pressures do not resolve density and viscosity"):
+        gases._table("noise", 300.0)
+
+
 LEFT_OUT = {"CoolProp": None, "CoolProp.CoolProp": None}
 
 
