@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from enum import Enum
 from reprlib import Repr
 from typing import TYPE_CHECKING, Any, Self
 
@@ -14,8 +15,6 @@ if TYPE_CHECKING:
 _LONGEST = 160
 #: Largest number of inputs that one message lists.
 _MOST_FAULTS = 20
-#: Value of `InputError.given` when a required input is absent.
-MISSING = "missing"
 #: Name at the beginning of a text; "" if the text begins with another character.
 _WORD = re.compile(r"\w*")
 #: Shortens the representation of long lists, texts and numbers.
@@ -23,6 +22,19 @@ _SHORT_REPR = Repr()
 _SHORT_REPR.maxstring = 80
 _SHORT_REPR.maxother = 80
 _SHORT_REPR.maxlong = 80
+
+
+class _Absent(Enum):
+    """Type of `MISSING`, which differs from every value that a user can give, also from the text "missing"."""
+
+    MISSING = "missing"
+
+    def __str__(self) -> str:
+        return self.value
+
+
+#: Value of `InputError.given` when a required input is absent.
+MISSING = _Absent.MISSING
 
 
 class FemsealError(Exception):
@@ -81,7 +93,7 @@ class InputError(FemsealError, ValueError):
         given = shortened(self.given)
         if given == "":
             description = ""
-        elif given == MISSING:
+        elif self.given is MISSING:
             description = "missing, "
         else:
             description = f"given {given}, "
@@ -131,7 +143,8 @@ class InputError(FemsealError, ValueError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         # a given object may not be picklable, but its text always is
-        return _remade, (type(self), {**vars(self), "given": shortened(self.given)})
+        given = MISSING if self.given is MISSING else shortened(self.given)
+        return _remade, (type(self), {**vars(self), "given": given})
 
 
 class FileError(InputError):

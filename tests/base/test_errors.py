@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from femseal.base import Stage
-from femseal.base.errors import FileError, InputError, InputErrors, NotConverged, NotKept
+from femseal.base.errors import MISSING, FileError, InputError, InputErrors, NotConverged, NotKept
 from femseal.base.quantities import OtherKind, to_si
 from femseal.execution.run import ordered_map
 from femseal.topography.defects import TooManyUndefined
@@ -90,6 +90,15 @@ def test_a_given_object_that_cannot_be_pickled_is_repeated_as_text():
     again = by_pickle(TooManyUndefined("mapper", lock, "a function"))
     assert type(again) is TooManyUndefined
     assert again.given == str(lock)
+
+
+def test_an_absent_input_is_not_the_text_missing():
+    absent, text = InputError("name", MISSING, "a name"), InputError("name", "missing", "a number")
+    for error in (absent, by_pickle(absent), copy.copy(absent)):
+        assert error.given is MISSING
+        assert str(error) == "name: missing, expected a name"
+    for error in (text, by_pickle(text)):
+        assert str(error) == "name: given missing, expected a number"
 
 
 def test_notes_are_kept():
