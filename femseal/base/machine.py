@@ -72,6 +72,9 @@ def within_free_memory() -> Iterator[None]:
 
     Without a limit, Linux would kill a process that uses too much memory. The limit matters when compressed files of
     unknown uncompressed size are read. On operating systems other than Linux, memory is not limited.
+
+    The limit is the limit of the address space of the whole process (RLIMIT_AS) until the block ends: requests of
+    other threads, also in other libraries, fail as well, and processes that are started inside the block inherit it.
     """
     if sys.platform != "linux":
         yield
