@@ -77,7 +77,7 @@ def _shortest_followed_wave(flat: Topography, axis: int, radius: float) -> float
     q, density = flat.psd(axis)
     # Mean square curvature ∫q⁴C dq/π of all waves from 0 to q, for each wave number q, (waves,). The tip follows waves
     # whose curvature, √2 times the rms curvature, is at most 1/radius.
-    square_curvature = np.cumsum(q**4 * density) * np.diff(q, prepend=0.0) / pi
+    square_curvature = np.cumsum(q**4 * density * np.diff(q, prepend=0.0)) / pi
     not_followed = np.flatnonzero(2 * square_curvature > radius**-2)
     if not not_followed.size:
         return 0.0
