@@ -56,7 +56,7 @@ def _print_versions(is_wanted: bool) -> None:
     """Print the versions of femseal and of the libraries that it uses, and exit."""
     if not is_wanted:
         return
-    from .base.machine import versions
+    from .base.package_versions import versions
 
     for name, number in versions().items():
         typer.echo(f"{name} {number}")

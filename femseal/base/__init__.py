@@ -17,7 +17,8 @@ if TYPE_CHECKING:
         shown,
     )
     from .files import made_folder, read_plain, replacing, write_bytes, write_text, writing
-    from .machine import free_memory, numerical_versions, versions
+    from .machine import free_memory
+    from .package_versions import numerical_versions, versions
     from .quantities import as_text, counted, to_si, to_text
     from .stage import Mapper, Stage
     from .text import duration, finite_data, format_deviation, number_text

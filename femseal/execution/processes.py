@@ -21,7 +21,7 @@ import numpy as np
 import psutil
 
 from ..base import FemsealError, Mapper, Stage, free_memory
-from ..base.machine import sharing
+from ..base.shared_arrays import sharing
 
 log = logging.getLogger("femseal.execution.processes")
 #: Fraction of the free memory that all concurrent calls of a stage may use together.

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..base import AnyPath, Indices, InputError, Pair, Shape, replacing, to_text, writing
 from ..base.fields import PIXEL, READABLE, Field, fields_of
-from ..base.machine import give_back
+from ..base.shared_arrays import give_back
 from ..studies.study_list import STUDIES, names_with
 from . import vtk_files
 from .results import checked_cell

@@ -33,8 +33,8 @@ from ..base.fields import (
 )
 from ..base.leak_rates import LeakBasis
 from ..base.leak_units import LEAK_UNITS
-from ..base.machine import one_at_a_time
 from ..base.quantities import with_its_unit
+from ..base.shared_arrays import one_at_a_time
 from ..budget import ErrorBudget
 from ..face.cut import Cut
 from ..fluids import FLUIDS, Fluid, leak_basis

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import prod
 
 from ..base import to_text
-from ..base.machine import storing
+from ..base.shared_arrays import storing
 from ..budget.study_input import StudyInput
 from ..case.case import Case
 from ..studies.cost_model import RESULT_BYTES, STATE_BYTES, states_memory

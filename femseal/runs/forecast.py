@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..base import InputError, as_text, duration, free_memory
-from ..base.machine import storing
+from ..base.shared_arrays import storing
 from ..budget import BudgetRequest, versions_of_budget
 from ..budget.study_input import StudyInput
 from ..case.case import Case

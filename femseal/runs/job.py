@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 from ..base import AnyPath, FemsealError, InputError, Mapper, made_folder, validate, writing
 from ..base.files import remove_foreign
-from ..base.machine import storing
+from ..base.shared_arrays import storing
 from ..case.case import Case
 from ..case.reading import load_case
 from ..execution.resuming import begin_run, remove_run, store_folder, writing_in

@@ -7,7 +7,7 @@ documented in docs/evidence/forecast.md.
 from __future__ import annotations
 
 from ..base import counted
-from ..base.machine import lies_on_disk
+from ..base.shared_arrays import lies_on_disk
 from ..contact.workspace import KEPT_POINTS
 from ..scene import Scene
 from .study_type import StudyCost

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..base import Mapper, Shape, Stage
-from ..base.machine import give_back, one_at_a_time, shared_empty
+from ..base.shared_arrays import give_back, one_at_a_time, shared_empty
 from ..checks import estimate_scene, result_warnings
 from ..face.cell_flow import FlowSettings, SolveCounts, drop_fractions
 from ..face.cells import CellState

@@ -7,7 +7,8 @@ import threading
 import numpy as np
 import pytest
 
-from femseal.base.machine import shared_empty, sharing, storing, within_free_memory
+from femseal.base.machine import within_free_memory
+from femseal.base.shared_arrays import shared_empty, sharing, storing
 
 
 def in_thread(function):

@@ -177,8 +177,8 @@ def test_a_run_killed_outside_its_studies_resumes_with_the_same_numbers(tmp_path
 ON_DISK = """
 import os, signal, sys
 import femseal as fs
-from femseal.base import machine
-machine.PART_OF_MEMORY = 0
+from femseal.base import shared_arrays
+shared_arrays.PART_OF_MEMORY = 0
 def progress(stage, done, total):
     if stage.endswith("contact of the whole face") and done:
         os.kill(os.getpid(), signal.SIGKILL)
@@ -203,7 +203,7 @@ def test_states_on_disk_resume_from_the_last_one_with_the_same_bits(
     assert {path.name for path in out.iterdir()} <= {".checkpoint", "run.log", ".lock"}
     assert len(Store(out / ".checkpoint")) == 1
     whole = fs.run(case, tmp_path / "whole", workers=1)
-    monkeypatch.setattr("femseal.base.machine.PART_OF_MEMORY", 0)
+    monkeypatch.setattr("femseal.base.shared_arrays.PART_OF_MEMORY", 0)
     again = fs.run(case, out, resume=True, workers=workers)
     assert_same(whole.dataset, again.dataset)
     for one, other in ((whole, again), (fs.open_results(tmp_path / "whole"), fs.open_results(out))):

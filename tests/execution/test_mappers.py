@@ -20,7 +20,7 @@ from test_checkpoint import assert_same, start, stop_at, wait_until  # noqa: F40
 
 import femseal as fs
 from femseal.base import Stage, compiled
-from femseal.base.machine import shared_empty
+from femseal.base.shared_arrays import shared_empty
 from femseal.execution import cluster as cluster_map
 from femseal.execution import processes
 from femseal.execution.run import ordered_map
