@@ -183,7 +183,7 @@ def _expected_quantity(unit: str, like: str) -> str:
 
 
 def _rounded(value: float) -> float:
-    """Round a product to 15 digits, because unit prefixes are not exactly representable in binary.
+    """Round a converted value to 15 digits, because factors of units are not exactly representable in binary.
 
     For example, 3 times 1e-6 becomes exactly the number 3e-6.
     """
@@ -197,8 +197,8 @@ def _kelvin(number: float, unit: str) -> float | None:
         # the group of the pattern is the letter or name of the scale; ℃ and ℉ match without a group
         first_letter = (scale[1] or unit)[0]
         if first_letter in "fF℉":
-            return (number + _FAHRENHEIT_ZERO) * _FAHRENHEIT
-        return number + _CELSIUS_ZERO
+            return _rounded((number + _FAHRENHEIT_ZERO) * _FAHRENHEIT)
+        return _rounded(number + _CELSIUS_ZERO)
     factor = _factor(unit, "K") if _UNIT.fullmatch(unit) else None
     return None if factor is None else _rounded(number * factor)
 

@@ -94,6 +94,20 @@ def test_a_similar_unit_is_suggested(text, said):
 
 
 @pytest.mark.parametrize(
+    ("text", "kelvin"),
+    [
+        ("32 °F", 273.15),
+        ("212 °F", 373.15),
+        ("0 °C", 273.15),
+        ("0.1 °C", 273.25),
+        ("80 °C", 353.15),
+    ],
+)
+def test_temperatures_are_exact_to_the_last_digit(text, kelvin):
+    assert to_si(text, "K") == kelvin
+
+
+@pytest.mark.parametrize(
     "text", ["-300 °C", "-273.2 degC", "-1 K", "-500 °F", "-459.7 fahrenheit", "-1 mK", "-1 °R"]
 )
 def test_no_temperature_is_below_absolute_zero(text):
