@@ -200,10 +200,11 @@ def _metal(young: float, poisson: float, yield_stress: float, vickers: float) ->
 
     Parameters
     ----------
-    young, poisson : Young's modulus [Pa] and Poisson's ratio. yield_stress : yield stress of the metal as delivered
-    [Pa]. vickers : typical Vickers hardness [HV] in data sheets of the metal as delivered. The hardness of an annealed
-    metal is far above 2.8 times its yield stress, because the metal work-hardens under the Vickers indenter. An
-    annealed metal work-hardens under the asperities of a seal face as well.
+    young, poisson : Young's modulus [Pa] and Poisson's ratio.
+    yield_stress : yield stress of the metal as delivered [Pa].
+    vickers : typical Vickers hardness [HV] in data sheets of the metal as delivered. The hardness of an annealed metal
+        is far above 2.8 times its yield stress, because the metal work-hardens under the Vickers indenter. An annealed
+        metal work-hardens under the asperities of a seal face as well.
     """
     ratio = vickers * VICKERS_PRESSURE / yield_stress
     return Solid(young, poisson, yield_stress, hardness_over_yield=ratio)

@@ -99,7 +99,7 @@ _OTHER_NAMES = {
     "heavy steam": "heavy water",
 }
 #: Names that mean the vapour of a fluid that is liquid at 20 °C.
-_VAPOURS = {"steam": "water", "heavy steam": "heavy water"}
+_VAPOURS = ("steam", "heavy steam")
 
 
 def named_fluid(

@@ -223,8 +223,9 @@ def load_states(
         Memory that is needed to solve a state and to call `take` [byte]. The required memory limits the number of
         states that are solved at the same time.
     mapper : callable
-        Function like `map` that solves several independent load steps, for example in parallel. `mapper` is called
-        twice: with all steps of first loading, and then with all steps of unloading.
+        Function like `map` that solves several independent load steps, for example in parallel. `mapper` is first
+        called with all steps of first loading or, if `remember` is given, with each of these steps in turn. It is then
+        called with all steps of unloading that have to be solved, if there are any.
 
     Yields
     ------

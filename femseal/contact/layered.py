@@ -98,14 +98,17 @@ def surface_modulus(modulus: float | Bodies) -> float:
 
 
 def modulus_of_waves(modulus: float | Bodies, q: Array) -> Array:
-    """Compute the contact modulus E*(q) = 2/(q C(q)) [Pa] for waves q > 0 [rad/m] of any shape.
+    """Compute the contact modulus E*(q) = 2/(q C(q)) [Pa] for waves q >= 0 [rad/m] of any shape.
+
+    At q = 0, the modulus is that of the substrates. If this modulus is infinite, because the coated bodies have rigid
+    substrates, the result is a very large number.
 
     Parameters
     ----------
     modulus : float or pair of bodies
         Contact modulus [Pa], or the two bodies.
     q : array
-        Wave numbers > 0 [rad/m].
+        Wave numbers >= 0 [rad/m].
     """
     if isinstance(modulus, float):
         return np.full(np.shape(q), modulus)

@@ -95,8 +95,8 @@ class Level(NamedTuple):
 def solve_straight_law(level: Level, rtol: float, start: Array | None = None) -> Contact:
     """Solve a contact with a linear contact law.
 
-    start : first guess of the pressure (n1, n2) [Pa] on the given grid. By default, the first guess is computed on
-        coarser grids.
+    start : first guess of the pressure [Pa] on the given grid or on the next coarser grid. By default, the first guess
+        is computed on coarser grids.
     """
     # heights are measured from the highest point, so that rounding errors are small for points in contact
     offset = float(level.gap0.min())

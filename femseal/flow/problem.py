@@ -199,7 +199,8 @@ class DarcyFlow:
     percolates : whether an open path connects inlet and outlet.
     iterations : number of iterations; 0 for a direct solution.
     residual : relative error of the potential in the energy norm: an upper bound for the solver "multigrid", an
-        estimate for "amg", and 0 for a direct solution. The relative error of the conductance is `residual` squared.
+        estimate for "amg", and 0 for "elimination". The relative error of the conductance is `residual` squared. For
+        "direct", `residual` is ‖b − Ax‖/‖b‖ of the scaled linear system Ax = b.
     imbalance : relative difference between inlet and outlet flow.
     solver : name of the solver that was used: "multigrid", "elimination", "amg" or "direct"; "none" if there was no
         unknown.

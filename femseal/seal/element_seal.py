@@ -37,7 +37,8 @@ class ElementSeal:
     Attributes
     ----------
     mesh : Mesh
-        Mesh of linear triangles or quadrilaterals. The coordinates of the mesh of a ring are (ln r, θ).
+        Mesh of linear triangles or quadrilaterals. The coordinates of the mesh of a ring are (|ln r/r₀|, θ), see
+        `Ring`.
     inlet, outlet : arrays of int
         Boundary facets of the mesh.
     size : tuple of two float

@@ -155,8 +155,8 @@ def field_names(data: Any) -> str:
 def plane_points_of(file: Path, data: Any, cells: Any, rtol: float) -> Array:
     """Return the points (n, 2) of a mesh file; raise InputError if the cells do not lie in a plane of constant z.
 
-    cells : indices of the points at the corners of the cells. rtol : allowed variation of z, divided by the size of the
-    mesh.
+    cells : indices of the points at the corners of the cells.
+    rtol : allowed variation of z, divided by the size of the mesh.
     """
     points = np.asarray(data.points, dtype=float)
     corners = points[np.ravel(cells)]

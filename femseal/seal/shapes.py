@@ -1,9 +1,9 @@
 """Define strips and rings, and the properties and methods that every shape of seals needs.
 
 Strips and rings consist of rows of rectangles and are periodic along the seal. The first row is at the inlet and the
-last row at the outlet. The coordinates of a strip are (x1, x2), the coordinates of a ring (ln r, θ). In the coordinates
-(ln r, θ), Darcy's law has the same form as on a plane strip. The permeability is constant in each rectangle. The flow
-is computed by `femseal.flow.rectangles`.
+last row at the outlet. The coordinates of a strip are (x1, x2). The coordinates of a ring are (|ln r/r₀|, θ) with the
+radius r₀ of the inlet, in which Darcy's law has the same form as on a plane strip, see `Ring`. The permeability is
+constant in each rectangle. The flow is computed by `femseal.flow.rectangles`.
 
 A shape is a frozen dataclass with the properties and methods of the protocol `Seal`.
 """
@@ -85,7 +85,7 @@ class PeriodicSeal:
 
     @property
     def rectangles(self) -> Rectangles:
-        """Rectangular elements of the seal, in the coordinates (x1, x2) of a strip or (ln r, θ) of a ring."""
+        """Rectangular elements of the seal, in the coordinates (x1, x2) of a strip or (|ln r/r₀|, θ) of a ring."""
         raise NotImplementedError
 
     @property

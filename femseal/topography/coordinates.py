@@ -227,7 +227,7 @@ def _check_unique_heights(x: NDArray, y: NDArray, z: NDArray, stored: NDArray) -
 
     x, y, z : columns of the table, (lines,).
     stored : height stored in the grid at the point given by each line of the table, (lines,). If several lines give a
-    height for the same point, the grid contains the height in the last of these lines.
+        height for the same point, the grid contains the height in the last of these lines.
     """
     differs = (stored != z) & ~(np.isnan(stored) & np.isnan(z))
     if differs.any():

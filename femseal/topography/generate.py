@@ -241,7 +241,7 @@ def _cut_grooves(
 
     x1 : positions across the grooves, (n1, 1) [m].
     angle : positions along the grooves, (n2,), as an angle [rad] that increases from 0 to 2π over the length of the
-    map.
+        map.
     rms_errors : rms error of the position of a groove, and rms error of its depth [m].
     """
     # Each error has a part that is constant along a groove, and a part that is a sine of the angle. Axes of the arrays:

@@ -47,9 +47,9 @@ from .thresholds import (
     SMOOTH_NODES,
 )
 
-#: Potential of a node without flow, for each result of `nodes_reached`: 0 for a node in a pocket, 1 for a node that is
-#: connected to the inlet only, and 2 for a node that is connected to the outlet only. For result 3, the potential is
-#: computed.
+#: Potential of a node, by the result of `nodes_reached`: undefined in a pocket (result 0), 1 if the node is connected
+#: to the inlet only (result 1), and 0 if it is connected to the outlet only (result 2). The potential of a node that
+#: carries flow (result 3) is computed.
 _POTENTIAL_WITHOUT_FLOW = np.array([np.nan, 1.0, 0.0, np.nan])
 
 
