@@ -6,7 +6,7 @@ This module alone reads and writes quantities with units. All other modules use 
 import re
 from functools import cache, lru_cache
 from math import degrees, isfinite, isnan
-from typing import Any, SupportsInt
+from typing import Any, NamedTuple, SupportsInt
 
 from .errors import InputError, shown
 
@@ -133,53 +133,81 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
     Traceback (most recent call last):
     femseal.base.errors.InputError: d: given '1,5 mm', expected a number with a decimal point and no comma
     """
-    expected = _expected_quantity(unit, like)
+    given = _Given(text, unit, name, like)
     is_plain_number = isinstance(text, (int, float)) and not isinstance(text, bool)
     if unit == "" and is_plain_number:
-        return _finite(float(text), text, name, expected)  # type: ignore[arg-type]
+        value = float(text)  # type: ignore[arg-type]
+    else:
+        number, given_unit = _parse(given)
+        value = _convert(given, number, given_unit)
+    if not isfinite(value):
+        raise given.of_other_kind()
+    return value
 
-    def refused(expected: str) -> InputError:
-        return InputError(name, shown(text), expected)
 
-    def of_other_kind(hint: str = "") -> OtherKind:
-        return OtherKind(name, shown(text), expected + hint)
+class _Given(NamedTuple):
+    """A value that `to_si` converts, with its arguments, which are used in error messages."""
 
+    text: object
+    unit: str
+    name: str
+    like: str
+
+    @property
+    def expected(self) -> str:
+        """Description of the kind of quantity that is expected, with an example."""
+        if not self.unit:
+            return "a finite number"
+        example = self.like or _EXAMPLES.get(self.unit, f"1 {self.unit}")
+        return f"text with a number and a unit of the kind {self.unit!r}, such as {example!r}"
+
+    def refused(self, expected: str) -> InputError:
+        """Make the error that the value is not what is expected."""
+        return InputError(self.name, shown(self.text), expected)
+
+    def of_other_kind(self, hint: str = "") -> OtherKind:
+        """Make the error that the value is not a quantity of the expected kind; `hint` is added to the message."""
+        return OtherKind(self.name, shown(self.text), self.expected + hint)
+
+
+def _parse(given: _Given) -> tuple[float, str]:
+    """Divide a text into its number and its unit, which is "" if there is none; raise InputError if it has no such form.
+
+    The unit is not checked.
+    """
+    text = given.text
     if not isinstance(text, str):
-        raise of_other_kind()
+        raise given.of_other_kind()
     if len(text) > _LONGEST:
-        raise OtherKind(name, shown(text), f"{expected}, not longer than {_LONGEST} characters")
-    if unit == "Pa" and _REFERENCE.search(text):
+        raise given.of_other_kind(f", not longer than {_LONGEST} characters")
+    if given.unit == "Pa" and _REFERENCE.search(text):
         plain = shown(_REFERENCE.sub("", text))
         reason = "only the fluid pressures of a case can be gauge or absolute"
-        raise refused(f"a pressure without (g) or (a), such as {plain}: {reason}")
+        raise given.refused(f"a pressure without (g) or (a), such as {plain}: {reason}")
     if _DECIMAL_COMMA.search(text):
-        raise refused("a number with a decimal point and no comma")
+        raise given.refused("a number with a decimal point and no comma")
     match = _NUMBER_AND_UNIT.match(text)
-    if match is None or (match[2] is None and unit):
-        raise of_other_kind()
-    number = float(match[1])
-    given_unit = (match[2] or "").strip()
-    if unit == "K":
+    if match is None or (match[2] is None and given.unit):
+        raise given.of_other_kind()
+    return float(match[1]), (match[2] or "").strip()
+
+
+def _convert(given: _Given, number: float, given_unit: str) -> float:
+    """Convert a number with its unit to the expected SI unit; raise InputError if the unit is of another kind."""
+    if given.unit == "K":
         kelvin = _kelvin(number, given_unit)
         if kelvin is not None and kelvin < 0:
-            example = like or "20 °C"
-            raise refused(f"a temperature not below absolute zero, -273.15 °C, such as {example!r}")
+            example = given.like or "20 °C"
+            expected = f"a temperature not below absolute zero, -273.15 °C, such as {example!r}"
+            raise given.refused(expected)
         if kelvin is not None:
-            return _finite(kelvin, text, name, expected)
+            return kelvin
     if given_unit and not _UNIT.fullmatch(given_unit):
-        raise of_other_kind()
-    factor = _factor(given_unit, unit)
+        raise given.of_other_kind()
+    factor = _factor(given_unit, given.unit)
     if factor is None:
-        raise of_other_kind(_hint(given_unit, unit))
-    return _finite(_rounded(number * factor), text, name, expected)
-
-
-def _expected_quantity(unit: str, like: str) -> str:
-    """Describe which kind of quantity is expected, with an example, for an error message."""
-    if not unit:
-        return "a finite number"
-    example = like or _EXAMPLES.get(unit, f"1 {unit}")
-    return f"text with a number and a unit of the kind {unit!r}, such as {example!r}"
+        raise given.of_other_kind(_hint(given_unit, given.unit))
+    return _rounded(number * factor)
 
 
 def _rounded(value: float) -> float:
@@ -288,13 +316,6 @@ def _factor(given_unit: str, unit: str) -> float | None:
     if at_zero:
         return None  # a scale with another zero, such as °C, has no factor
     return float(at_one)
-
-
-def _finite(value: float, given: object, name: str, expected: str) -> float:
-    """Return the value if it is finite; raise InputError otherwise."""
-    if not isfinite(value):
-        raise OtherKind(name, shown(given), expected)
-    return value
 
 
 def to_text(value: float, unit: str, digits: int = 4) -> str:
