@@ -171,7 +171,7 @@ class _Given(NamedTuple):
 
 
 def _parse(given: _Given) -> tuple[float, str]:
-    """Divide a text into its number and its unit, which is "" if there is none; raise InputError if it has no such form.
+    """Divide a text into its number and its unit, which is "" if there is none; raise InputError for other texts.
 
     The unit is not checked.
     """

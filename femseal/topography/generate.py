@@ -11,7 +11,7 @@ Sources: Persson et al., J. Phys.: Condens. Matter 17 (2005) R1 (self-affine spe
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -184,9 +184,67 @@ def turned(
     """
     shape, size = validate.grid("shape", shape), validate.lengths("size", size)
     spacing = (size[0] / shape[0], size[1] / shape[1])
+    cut_off = _check_cut_off(cut_off, spacing, size)
+    turning = _checked_turning(
+        size,
+        cut_off,
+        pitch=pitch,
+        depth=depth,
+        nose_radius=nose_radius,
+        feed_error=feed_error,
+        depth_error=depth_error,
+        waviness=waviness,
+        waviness_length=waviness_length,
+    )
+    roughness = validate.number("roughness", roughness, unit="m", inclusive=True)
+    rng = _check_generator(rng)
+    face = _turned_without_roughness(shape, size, turning, rng).low_pass(cut_off)
+    if roughness:
+        face += self_affine(
+            shape,
+            size,
+            hurst=hurst,
+            rms_height=roughness,
+            roll_off=roughness_roll_off,
+            cut_off=cut_off,
+            rng=rng,
+        )
+    return face
+
+
+class _Turning(NamedTuple):
+    """Checked parameters of a turned surface, see `turned`.
+
+    pitch : feed per turn [m].
+    nose_radius : radius of the tool nose [m].
+    largest_height : height of the flat lands above the bottom of the grooves [m]; infinite if the grooves leave none.
+    rms_errors : rms error of the position of a groove, and rms error of its depth [m].
+    waviness, waviness_length : rms height and wavelength of the waviness [m].
+    """
+
+    pitch: float
+    nose_radius: float
+    largest_height: float
+    rms_errors: Pair
+    waviness: float
+    waviness_length: float
+
+
+def _checked_turning(
+    size: Pair,
+    cut_off: float,
+    *,
+    pitch: float,
+    depth: float,
+    nose_radius: float | None,
+    feed_error: float,
+    depth_error: float,
+    waviness: float,
+    waviness_length: float | None,
+) -> _Turning:
+    """Check the parameters of `turned` that describe grooves and waviness; raise InputError if one is not allowed."""
     pitch = validate.number("pitch", pitch, unit="m")
     depth = validate.number("depth", depth, unit="m")
-    cut_off = _check_cut_off(cut_off, spacing, size)
     if not cut_off < pitch <= size[0] * (1 + SLACK):
         limits = (to_text(cut_off, "m"), to_text(size[0], "m"))
         expected = f"more than cut_off = {limits[0]} and at most size[0] = {limits[1]}"
@@ -199,33 +257,33 @@ def turned(
             raise InputError(name, error, f"a number in [0, {limit:g}]")
     waviness = validate.number("waviness", waviness, unit="m", inclusive=True)
     wavelength = size[0] / 2 if waviness_length is None else waviness_length
-    wavelength = validate.number("waviness_length", wavelength, unit="m")
-    roughness = validate.number("roughness", roughness, unit="m", inclusive=True)
+    return _Turning(
+        pitch,
+        radius,
+        largest_height=np.inf if nose_radius is None else depth,
+        rms_errors=(feed_error * pitch, depth_error * depth),
+        waviness=waviness,
+        waviness_length=validate.number("waviness_length", wavelength, unit="m"),
+    )
 
-    rng = _check_generator(rng)
+
+def _turned_without_roughness(
+    shape: Shape, size: Pair, turning: _Turning, rng: np.random.Generator
+) -> Topography:
+    """Generate the grooves and the waviness of a turned surface, with sharp ridges and without roughness."""
+    pitch, waviness, wavelength = turning.pitch, turning.waviness, turning.waviness_length
+    spacing = (size[0] / shape[0], size[1] / shape[1])
     pitches_fit = _is_whole(size[0] / pitch)
     # A surface that is not periodic needs one more pass, because only a part of its last groove lies on the surface.
     passes = round(size[0] / pitch) if pitches_fit else int(size[0] / pitch) + 1
     x1 = ((np.arange(shape[0]) + 0.5) * spacing[0])[:, None]  # (n1, 1)
     angle = 2 * np.pi * (np.arange(shape[1]) + 0.5) / shape[1]  # (n2,), of the workpiece
-    rms_errors = (feed_error * pitch, depth_error * depth)
-    z = _cut_grooves(x1, angle, passes, pitch, radius, rms_errors, rng)
-    if nose_radius is not None:
-        z = np.minimum(z, depth)
+    z = _cut_grooves(x1, angle, passes, pitch, turning.nose_radius, turning.rms_errors, rng)
+    if np.isfinite(turning.largest_height):
+        z = np.minimum(z, turning.largest_height)
     z = z + np.sqrt(2) * waviness * np.cos(2 * np.pi * (x1 / wavelength + rng.random()))
     waves_fit = waviness == 0 or _is_whole(size[0] / wavelength)
-    face = Topography(z, spacing, (pitches_fit and waves_fit, True)).low_pass(cut_off)
-    if roughness:
-        face += self_affine(
-            shape,
-            size,
-            hurst=hurst,
-            rms_height=roughness,
-            roll_off=roughness_roll_off,
-            cut_off=cut_off,
-            rng=rng,
-        )
-    return face
+    return Topography(z, spacing, (pitches_fit and waves_fit, True))
 
 
 def _cut_grooves(
