@@ -14,7 +14,7 @@ from math import prod
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.fft import rfft
+from scipy.fft import dct
 from scipy.special import polygamma
 
 from ..base import Array, InputError, Pair, Shape, validate
@@ -208,20 +208,18 @@ def free_symbol(shape: Shape, spacing: Pair, modulus: float | Bodies) -> Array:
     kernel = np.diff(np.diff(potential, axis=0), axis=1) / (np.pi * surface_modulus(modulus))
     if not isinstance(modulus, float):
         kernel += free_difference(x, y, modulus)
-    along_2 = _even_transform(kernel, length2)
-    return np.ascontiguousarray(_even_transform(along_2.T, length1).T)
+    return _even_transform(_even_transform(kernel, axis=1), axis=0)
 
 
-def _even_transform(half: Array, length: int) -> Array:
-    """Compute the Fourier transform of symmetric rows, given only their first half.
+def _even_transform(half: Array, axis: int) -> Array:
+    """Compute the Fourier transform of even functions of the position along an axis, given only their first half.
 
-    Each row is an even function of the position: its second half mirrors the first. The transform is therefore real and
-    even as well, and only its first half is returned.
+    The first half contains the values at 0 and at half of the period. The transform is real and even as well, and only
+    its first half is returned.
     """
-    # the second half is the mirror image of the first one, without the values at 0 and at half of the length
-    n_missing = length - half.shape[1]
-    row = np.concatenate((half, half[:, n_missing:0:-1]), axis=1)
-    return rfft(row, axis=1).real
+    if half.shape[axis] == 1:
+        return half  # an axis with a single point, whose period is one point
+    return dct(half, type=1, axis=axis)
 
 
 def bickley_1(x: Array) -> Array:
@@ -299,7 +297,7 @@ def strip_symbol(
         n_offsets = min(n_free, difference.shape[1])
         kernel = strip_difference(n_free, d_free, q, d_other, modulus)
         difference[:, :n_offsets] = kernel[:, :n_offsets]
-        symbol += _even_transform(difference, length).T
+        symbol += _even_transform(difference, axis=1).T
     return symbol
 
 
@@ -337,7 +335,7 @@ def _strip_columns(n: int, length: int, d: float, q: Array, d_other: float) -> A
     t1 = (np.arange(kernel.shape[1]) - 0.5) / n
     t2 = (np.arange(kernel.shape[1]) + 0.5) / n
     kernel[~is_wave] = -n * d * (t2 * np.log(t2) - t1 * np.log(np.abs(t1)) - (t2 - t1))
-    return _even_transform(kernel, length).T
+    return _even_transform(kernel, axis=1).T
 
 
 def _add_wave(waves: Array, d: float, q: Array, weight: Array) -> None:
