@@ -7,15 +7,13 @@ from __future__ import annotations
 
 import hashlib
 import platform
+import re
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
+from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 
 from .. import __version__
 
-_REQUIRED = ("numpy", "scipy", "scikit-fem", "pyamg", "pyfftw", "numba", "meshio", "pyvista", "vtk", "pydantic",
-             "pint", "typer", "rich", "xarray", "h5netcdf", "h5py", "joblib", "filelock", "threadpoolctl",
-             "matplotlib", "jinja2", "psutil", "x3pio", "sdfio", "pillow", "xlsxwriter")  # fmt: skip
 _OPTIONAL = ("SurfaceTopography", "distributed", "gmsh", "CoolProp")
 #: Packages on which the results depend, to the last bit.
 _NUMERICAL = ("numpy", "scipy", "numba", "llvmlite", "pyfftw", "pyamg", "scikit-fem", "CoolProp")
@@ -26,13 +24,22 @@ def versions() -> dict[str, str]:
     """Return the versions of femseal, Python and the packages that it uses.
 
     A required package that is not installed has the version "–". An optional package that is not installed is left out.
+    If femseal itself is not installed, but its folder is on the path of Python, the required packages are unknown.
     """
     result = {"femseal": __version__, "python": platform.python_version()}
-    for name in (*_REQUIRED, *_OPTIONAL):
-        package_version = _version(name)
-        if package_version or name in _REQUIRED:
-            result[name] = package_version or "–"
+    result |= {name: _version(name) or "–" for name in _required_packages()}
+    result |= {name: _version(name) for name in _OPTIONAL if _version(name)}
     return result
+
+
+def _required_packages() -> list[str]:
+    """Return the names of the packages that the metadata of femseal require, without those of its extras."""
+    try:
+        requirements = requires("femseal") or []
+    except PackageNotFoundError:
+        return []
+    # a requirement begins with a name, as in 'numpy>=2.0' or 'gmsh>=4.12; extra == "mesh"'
+    return [re.split(r"[^\w.-]", text)[0] for text in requirements if "extra ==" not in text]
 
 
 def _version(name: str) -> str:
