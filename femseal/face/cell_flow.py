@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from math import ceil
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
@@ -246,7 +247,7 @@ def solve_surface_flow(
         See `cell_permeability` and `flow.pressure_drop.solve_face`.
     """
     if gap.size > LARGEST_FLOW:
-        parts = np.array_split(gap, -(-gap.size // LARGEST_FLOW), axis=1)
+        parts = np.array_split(gap, ceil(gap.size / LARGEST_FLOW), axis=1)
         flows = [solve_surface_flow(part, spacing, settings, sides) for part in parts]
         widths = [part.shape[1] for part in parts]
         value = float(np.average([flow.permeability for flow in flows], weights=widths))

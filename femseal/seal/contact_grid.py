@@ -8,7 +8,7 @@ cells outside of the seal are ignored.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from math import pi
+from math import ceil, pi
 from typing import Any
 
 import numpy as np
@@ -201,4 +201,4 @@ def _points_of_grid(x1: Array, x2: Array, length: float, frame: Frame) -> Array:
 
 def _smallest_multiple(factor: int, least: int) -> int:
     """Return the smallest multiple of `factor` that is not below `least`."""
-    return factor * -(-least // factor)  # −(−a // b) is a/b rounded up
+    return factor * ceil(least / factor)

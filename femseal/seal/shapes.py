@@ -11,7 +11,7 @@ A shape is a frozen dataclass with the properties and methods of the protocol `S
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import pi
+from math import ceil, pi
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -197,7 +197,7 @@ class PeriodicSeal:
         solve : function that computes the flow through a seal on a mesh from the permeability of its elements.
         """
         n2 = self.cells[1]
-        repetitions = -(-FEWEST_COLUMNS // n2)  # rounded up
+        repetitions = ceil(FEWEST_COLUMNS / n2)
         strip = self.rectangles
         repeated = Rectangles(strip.lines, repetitions * strip.period, repetitions * n2)
         outlines = repeated.outlines

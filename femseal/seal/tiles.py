@@ -6,6 +6,7 @@ strips, rings and meshes with tiles.
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import ceil
 
 import numpy as np
 
@@ -258,7 +259,7 @@ def strip_tiles(size: Pair, cells: Shape, lay: Array) -> SealTiles:
     cells : numbers of rows and columns of tiles.
     lay : unit vector along the lay for each tile (tiles, 2).
     """
-    repetitions = -(-FEWEST_COLUMNS // cells[1])  # rounded up
+    repetitions = ceil(FEWEST_COLUMNS / cells[1])
     n1, n2 = cells[0], repetitions * cells[1]
     repeated_size = size[0], repetitions * size[1]
     strip = Rectangles(np.linspace(0.0, size[0], n1 + 1), repeated_size[1], n2)

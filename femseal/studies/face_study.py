@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,7 @@ def solve_face(scene: Scene, mapper: Mapper) -> FaceResult:
     surface = scene.surface
     shape = (len(scene.steps), *scene.surface.shape)  # (step, row, column)
     fields = {name: shared_empty(shape, np.float32) for name in ("gap", "pressure", "potential")}
-    bytes_of_bits = -(-surface.heights.size // 8)  # one bit for each pixel, rounded up
+    bytes_of_bits = ceil(surface.heights.size / 8)  # one bit for each pixel
     fields["plastic"] = shared_empty((shape[0], bytes_of_bits), np.uint8)
     fluid_pressure = shared_empty(shape, np.float32)
     states: list[FaceState] = []
