@@ -18,10 +18,9 @@ from ..base import Array, Flags, Indices
 #: Allowed overlap of two elements, as a fraction of the extent of the smaller element. The overlap can be positive
 #: because of rounded coordinates, and because straight edges approximate arcs.
 _ALLOWED_OVERLAP = 0.1
-#: Number of elements at the boundary, and number of pairs of elements, that are processed at a time. This limits the
-#: memory for usual meshes; thin elements can have many more candidates than neighbours.
-_ELEMENTS_AT_ONCE = 2**12
-_PAIRS_AT_ONCE = 2**15
+#: Number of pairs of elements that are processed at a time. This limits the memory, because elements that are much
+#: longer than wide are close to many more elements than they have neighbours.
+_PAIRS_AT_ONCE = 2**17
 
 
 def first_overlap_at_boundary(mesh: Mesh) -> tuple[int, ...]:
@@ -38,13 +37,11 @@ def first_overlap_at_boundary(mesh: Mesh) -> tuple[int, ...]:
         Indices of the two overlapping elements; empty if no elements overlap. If several elements overlap, these are
         the element at the boundary with the smallest index, and the first element that it overlaps.
     """
-    corners = mesh.p.T[mesh.t.T]  # (element, corner, 2)
+    corners = mesh.p[:, mesh.t]  # (axis, corner, element)
+    normals = _edge_normals(corners)
     boundary_elements = np.unique(mesh.f2t[0, mesh.boundary_facets()])
     for first, second in _pairs_of_boxes(corners, boundary_elements):
-        overlapping = np.zeros(first.size, bool)
-        for start in range(0, first.size, _PAIRS_AT_ONCE):
-            part = slice(start, start + _PAIRS_AT_ONCE)
-            overlapping[part] = _overlap(corners[first[part]], corners[second[part]])
+        overlapping = _overlap(corners, normals, first, second)
         if overlapping.any():
             return min(zip(first[overlapping].tolist(), second[overlapping].tolist(), strict=True))
     return ()
@@ -55,14 +52,16 @@ def _pairs_of_boxes(
 ) -> Iterator[tuple[Indices, Indices]]:
     """Find all pairs of an element at the boundary and another element whose bounding boxes overlap.
 
+    If both elements are at the boundary, only the pair in which the first element has the smaller index is found.
+
     A tree of the centres of the bounding boxes finds the elements near an element. The search radius must cover the
     largest element of a tree. The elements are therefore grouped by size, with one tree for each group, so that a few
     large elements do not make the search slow.
 
     Parameters
     ----------
-    corners : array, (n, corners, 2)
-        Corners of all elements [m].
+    corners : array, (2, corners, n)
+        Coordinates of the corners of all elements [m].
     boundary_elements : array of int
         Indices of the elements at the boundary, in rising order.
 
@@ -72,29 +71,39 @@ def _pairs_of_boxes(
     are yielded together. The first elements of a later batch have larger indices; within a batch, the pairs are in no
     particular order.
     """
-    low, high = corners.min(axis=1), corners.max(axis=1)  # opposite corners of the bounding boxes
+    low, high = corners.min(axis=1).T, corners.max(axis=1).T  # opposite corners of the boxes
     centre = (low + high) / 2
     extent = (high - low).max(axis=1) / 2
     # two elements have the same size class if their extents are between the same powers of two
     _, size_class = np.frexp(extent)
+    at_boundary = np.zeros(extent.size, bool)
+    at_boundary[boundary_elements] = True
     trees = []
+    near_count = np.zeros(boundary_elements.size, int)
     for number in np.unique(size_class):
         members = np.flatnonzero(size_class == number)
         tree = cKDTree(centre[members], balanced_tree=False, compact_nodes=False)
-        trees.append((tree, members, extent[members].max()))
-    for start in range(0, boundary_elements.size, _ELEMENTS_AT_ONCE):
-        elements = boundary_elements[start : start + _ELEMENTS_AT_ONCE]
+        # the maximum norm (p = inf); a little more than necessary, because the centres are rounded
+        reach = (extent[boundary_elements] + extent[members].max()) * (1 + 1e-6)
+        near_count += tree.query_ball_point(
+            centre[boundary_elements], reach, p=np.inf, return_length=True
+        )
+        trees.append((tree, members, reach))
+    # a batch ends with the element with which it reaches the largest number of pairs
+    batch = (np.cumsum(near_count) - near_count) // _PAIRS_AT_ONCE
+    ends = np.flatnonzero(np.diff(batch)) + 1
+    for part in np.split(np.arange(boundary_elements.size), ends):
+        elements = boundary_elements[part]
         pairs = []
-        for tree, members, largest in trees:
-            # the maximum norm (p = inf); a little more than necessary, because the centres are rounded
-            reach = (extent[elements] + largest) * (1 + 1e-6)
-            found = tree.query_ball_point(centre[elements], reach, p=np.inf)
+        for tree, members, reach in trees:
+            found = tree.query_ball_point(centre[elements], reach[part], p=np.inf)
             count = [len(near) for near in found]
             first = np.repeat(elements, count)
             second = members[np.concatenate([*found, []]).astype(int)]
             # the boxes overlap along both axes
             overlap = np.minimum(high[first], high[second]) > np.maximum(low[first], low[second])
-            is_pair = overlap.all(axis=1) & (first != second)
+            # of two elements at the boundary, the pair in the other order is left out
+            is_pair = overlap.all(axis=1) & ((first < second) | ~at_boundary[second])
             pairs.append((first[is_pair], second[is_pair]))
         yield (
             np.concatenate([first for first, _ in pairs]),
@@ -102,29 +111,47 @@ def _pairs_of_boxes(
         )
 
 
-def _overlap(first: Array, second: Array) -> Flags:
+def _overlap(corners: Array, normals: Array, first: Indices, second: Indices) -> Flags:
     """Return whether two convex polygons overlap, for each of n pairs.
 
     Overlaps are found by the separating axis theorem: two convex polygons do not overlap if their projections on the
-    normal of an edge do not overlap.
+    normal of an edge do not overlap. Pairs that are separated by a normal are not projected on further normals.
 
     Parameters
     ----------
-    first, second : arrays, (n, corners, 2)
-        Corners of the two polygons of each pair.
+    corners : array, (2, corners, polygons)
+        Coordinates of the corners of all polygons.
+    normals : array, (2, edges, polygons)
+        Normals of the edges of all polygons, see `_edge_normals`.
+    first, second : arrays of int, (n,)
+        Indices of the two polygons of each pair.
     """
-    normals = np.concatenate([_edge_normals(first), _edge_normals(second)], axis=1)
-    # projections of the corners on the normals, (pair, corner, normal)
-    projection1 = first @ normals.swapaxes(1, 2)
-    projection2 = second @ normals.swapaxes(1, 2)
-    low1, high1 = projection1.min(axis=1), projection1.max(axis=1)
-    low2, high2 = projection2.min(axis=1), projection2.max(axis=1)
-    overlap = np.minimum(high1, high2) - np.maximum(low1, low2)
-    smaller_extent = np.minimum(high1 - low1, high2 - low2)
-    return np.asarray((overlap > _ALLOWED_OVERLAP * smaller_extent).all(axis=1))
+    left = np.arange(first.size)  # pairs that no normal has separated so far
+    for edge in range(normals.shape[1]):
+        for polygon in (first, second):
+            normal = normals[:, edge, polygon[left]]
+            low1, high1 = _project(corners[:, :, first[left]], normal)
+            low2, high2 = _project(corners[:, :, second[left]], normal)
+            overlap = np.minimum(high1, high2) - np.maximum(low1, low2)
+            smaller_extent = np.minimum(high1 - low1, high2 - low2)
+            left = left[overlap > _ALLOWED_OVERLAP * smaller_extent]
+    is_overlapping = np.zeros(first.size, bool)
+    is_overlapping[left] = True
+    return is_overlapping
+
+
+def _project(corners: Array, normal: Array) -> tuple[Array, Array]:
+    """Return the lowest and the highest projection of the corners of n polygons on a normal for each (2, n)."""
+    projection = corners[0] * normal[0] + corners[1] * normal[1]  # (corner, polygon)
+    return projection.min(axis=0), projection.max(axis=0)
 
 
 def _edge_normals(corners: Array) -> Array:
-    """Return a vector normal to each edge of n polygons, from their corners (n, corners, 2)."""
+    """Return a vector normal to each edge of n polygons (2, edges, n), from their corners (2, corners, n).
+
+    The normals of the longest edges come first, because they separate most pairs of thin polygons.
+    """
     edges = np.roll(corners, -1, axis=1) - corners
-    return np.stack([edges[..., 1], -edges[..., 0]], axis=-1)
+    normals = np.stack([edges[1], -edges[0]])
+    longest_first = np.argsort(-np.hypot(*edges), axis=0, kind="stable")
+    return np.take_along_axis(normals, longest_first[None], axis=1)

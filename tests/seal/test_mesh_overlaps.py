@@ -1,5 +1,6 @@
 """Overlapping elements of a mesh: the search by trees against a comparison of all pairs."""
 
+import tracemalloc
 from itertools import product
 
 import numpy as np
@@ -52,8 +53,7 @@ def two_parts(rng, kind):
 @pytest.mark.parametrize("kind", [MeshTri, MeshQuad])
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e6])
 def test_the_same_elements_overlap_as_by_comparison_of_all_pairs(kind, scale, monkeypatch):
-    # few elements and pairs at a time, so that there are several parts
-    monkeypatch.setattr(mesh_overlaps, "_ELEMENTS_AT_ONCE", 7)
+    # few pairs at a time, so that there are several parts
     monkeypatch.setattr(mesh_overlaps, "_PAIRS_AT_ONCE", 5)
     rng = np.random.default_rng(1)
     overlapping = 0
@@ -74,3 +74,14 @@ def test_a_large_element_over_many_small_ones_is_found():
     first, second = first_overlap_at_boundary(mesh)
     assert second == small.nelements
     assert first == np.unique(mesh.f2t[0, mesh.boundary_facets()])[0]
+
+
+def test_the_search_among_thin_elements_takes_little_memory():
+    """Along the diagonal, the bounding box of an element a thousand times as long as wide overlaps hundreds of others."""
+    across = MeshQuad.init_tensor(np.linspace(0, 1, 1001), np.array([0.0, 1.0]))
+    mesh = MeshQuad(np.array([[1.0, -1.0], [1.0, 1.0]]) @ across.p, across.t)
+    tracemalloc.start()
+    assert first_overlap_at_boundary(mesh) == ()
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 50e6
