@@ -31,7 +31,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .base.lazy_package import displays, lazy, name_cache
+from .base.lazy_package import choose_cache_folder, displays, lazy
 
 __version__ = "0.2.0"
 
@@ -85,7 +85,7 @@ if TYPE_CHECKING:
 else:
     __getattr__, __dir__ = lazy(__name__)
 
-name_cache(Path(__file__).parent)
+choose_cache_folder(Path(__file__).parent)
 displays["plots"] = partial(import_module, ".plots", __name__)
 displays["results"] = partial(import_module, ".results", __name__)
 displays["report"] = partial(import_module, ".report", __name__)

@@ -65,8 +65,8 @@ def _density(default: float) -> Any:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _OnFaces:
-    """Properties common to all liquids of constant density, at the faces and in closed pockets.
+class _ConstantDensityLiquid:
+    """Describe what liquids of constant density have in common: their properties at faces and in closed pockets.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ class _OnFaces:
 
 
 @dataclass(frozen=True)
-class Liquid(_OnFaces):
+class Liquid(_ConstantDensityLiquid):
     """Describe a liquid of constant density whose viscosity is constant, or increases with pressure by Barus' law.
 
     The viscosity is η = η₀ exp(αp). The pressure potential is φ = (ρ/η₀)(1 − exp(−αp))/α, and φ = ρp/η₀ for α = 0.
@@ -196,7 +196,7 @@ class Liquid(_OnFaces):
 
 
 @dataclass(frozen=True)
-class RoelandsLiquid(_OnFaces):
+class RoelandsLiquid(_ConstantDensityLiquid):
     """Describe a liquid whose viscosity increases with pressure by Roelands' law.
 
     The viscosity is η = η₀ exp{(ln η₀ + 9.67)(−1 + (1 + p/p_r)^Z)} with p_r = 196.2 MPa and Z = α p_r/(ln η₀ + 9.67).

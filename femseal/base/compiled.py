@@ -97,14 +97,14 @@ def on_threads(threads: int, work: Callable[..., Any], items: Iterable[Any]) -> 
     return values
 
 
-def over(parts: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
+def over(ranges: list[tuple[Any, ...]], work: Callable[..., Any], *arguments: Any) -> list[Any]:
     """Call `work(*part, *arguments)` for each part of an array on the threads of this process.
 
-    parts : arguments of `work` for each part of the array, for example the ranges that `rows` returns.
+    ranges : arguments of `work` for each part of the array, for example the ranges that `rows` returns.
 
     Returns the values in the order of the parts.
     """
-    return on_threads(thread_count(), lambda part: work(*part, *arguments), parts)
+    return on_threads(thread_count(), lambda part: work(*part, *arguments), ranges)
 
 
 @cache

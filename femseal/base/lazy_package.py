@@ -59,7 +59,7 @@ def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     return load, names
 
 
-def name_cache(package: Path) -> None:
+def choose_cache_folder(package: Path) -> None:
     """Choose a folder in which Numba caches compiled loops, unless the user has set NUMBA_CACHE_DIR.
 
     The name of the folder contains the time at which femseal was installed. The cache of an earlier version could refer

@@ -51,12 +51,12 @@ class Convolution:
     boundary : pair of str
         Kind of each axis: "periodic", "mirror" or "free".
     symbol : array or None
-        Eigenvalues of K [m/Pa], see `HalfSpace.symbol`; None if `over` is given.
+        Eigenvalues of K [m/Pa], see `HalfSpace.symbol`; None if `memory_of` is given.
     dtype : dtype
         Type of the arrays and the transforms: double or single precision.
     threads : int
         Number of threads.
-    over : Convolution, optional
+    memory_of : Convolution, optional
         Another convolution with the same compliance K and at least the same precision. The two convolutions share all
         memory except `pressure`. Calling `apply` on one overwrites the displacement of the other.
 
@@ -78,7 +78,7 @@ class Convolution:
         *,
         dtype: Any = np.float64,
         threads: int = 1,
-        over: Convolution | None = None,
+        memory_of: Convolution | None = None,
     ) -> None:
         self._threads = threads
         axis1 = _make_axis(shape[0], boundary[0])
@@ -87,7 +87,7 @@ class Convolution:
         # a first axis that is not padded as a whole has one transform for its even waves and one for its odd waves
         transforms = 2 if is_large and axis1.is_padded else 1
 
-        if over is None:
+        if memory_of is None:
             assert symbol is not None
             self._weights = mixing_weights(symbol, axis1.is_mirror, axis2.is_mirror, transforms)
             # FFTW does not normalise: a transform and its inverse together multiply by the number of points
@@ -95,8 +95,8 @@ class Convolution:
             if len(self._weights) == 1 and not is_large:
                 self._weights = extend_to_all_waves(self._weights, axis1.length)
         else:
-            self._weights = over._weights
-        waves = self._allocate(shape, axis1, axis2, np.dtype(dtype), transforms, over)
+            self._weights = memory_of._weights
+        waves = self._allocate(shape, axis1, axis2, np.dtype(dtype), transforms, memory_of)
         self._stages = self._plan(waves, axis1, axis2, is_large, transforms)
         # all calls for a single thread: on small grids the time between calls matters
         self._calls = [call for stage in self._stages for part in stage for call in part]
@@ -108,7 +108,7 @@ class Convolution:
         axis2: Axis,
         real: np.dtype[Any],
         transforms: int,
-        over: Convolution | None,
+        memory_of: Convolution | None,
     ) -> Any:
         """Create the arrays of the pressure and the displacement, and return the array of the waves (row, wave)."""
         complex_type = np.result_type(real, np.complex64)
@@ -116,7 +116,8 @@ class Convolution:
         length = row_length(n_waves, complex_type.itemsize)
         n_rows = axis1.points if transforms == 2 else axis1.length
         size = n_rows * length * complex_type.itemsize  # bytes
-        self._memory: Any = fftw().empty_aligned(size, np.uint8) if over is None else over._memory
+        memory = fftw().empty_aligned(size, np.uint8) if memory_of is None else memory_of._memory
+        self._memory: Any = memory
         # long rows end with unused values, see `row_length`
         rows_of_waves = self._memory[:size].view(complex_type).reshape(n_rows, length)
         waves = rows_of_waves[:, :n_waves]

@@ -271,7 +271,7 @@ class CurveTangents:
 
     Attributes
     ----------
-    number : int
+    n_tangents : int
         Number of points near contact whose tangent has a positive slope.
     """
 
@@ -295,7 +295,7 @@ class CurveTangents:
         self.level = level
         self.offset = offset
         self.first_delta = first_delta
-        self.number = 0
+        self.n_tangents = 0
         self._load = level.mean_pressure * n  # sum of the pressures of all points [Pa]
         first_hardness = (curve.pieces.hardness(curve.earlier) - curve.fluid).ravel()
         self._pieces = curve.pieces
@@ -329,14 +329,14 @@ class CurveTangents:
         solution = solve_active_sets(self.grid, problem, rtol, limit, self)
         # The gap of a point with a tangent is increased by the depth at which the tangent begins. If such a point is no
         # longer near contact, its gap remains wrong, and the solution is not valid.
-        if np.count_nonzero(self._lines.kind == TANGENT) != self.number:
+        if np.count_nonzero(self._lines.kind == TANGENT) != self.n_tangents:
             return solution._replace(residual=inf)
         return solution
 
     @property
     def keeps_directions(self) -> bool:
         """Whether no tangent has a positive slope, so that the compliances of the points have not changed."""
-        return self.number == 0
+        return self.n_tangents == 0
 
     def has_risen(
         self, previous: ActiveSets, energy: float, residual: float, rounding: float
@@ -360,7 +360,7 @@ class CurveTangents:
         # limit of the step as long as the bracket has no bound in the direction of the step
         largest_step = self._first_step
         for _ in range(_APPROACH_STEPS):
-            total, slopes, self.number, r2, y2, *changes = self._follow(n_near, c, delta)
+            total, slopes, self.n_tangents, r2, y2, *changes = self._follow(n_near, c, delta)
             excess = total - self._load
             step = -excess / (c * slopes) if slopes > 0 else -excess * inf
             residual = sqrt(r2 / y2) if y2 > 0 else 0.0

@@ -248,7 +248,7 @@ def _solve_programme(
     loading = [step for step in programme if step.unloaded_from is None]
     unloading = programme[len(loading) :]
     # solved steps of the loading by their pressure, without their outputs
-    peaks: dict[float | None, _SolvedStep] = {}
+    solved_loading: dict[float | None, _SolvedStep] = {}
     # outputs of states in which no point has yielded, by their pressure; unloading may yield them once more
     elastic_outputs: dict[float, Any] = {}
 
@@ -260,33 +260,35 @@ def _solve_programme(
         is_peak = [step.pressure in programme.unload_from for step in loading]
         states = mapper(stage, loading, is_peak)
     for step, solved in zip(loading, states, strict=True):
-        peaks[step.pressure] = replace(solved, output=None)
+        solved_loading[step.pressure] = replace(solved, output=None)
         is_elastic = not (solved.has_yielded or one_after_another)
         if is_elastic and step.pressure in programme.unloading:
             elastic_outputs[step.pressure] = solved.output
         yield solved.output
 
-    yield from _solve_unloading(stage, unloading, peaks, elastic_outputs, one_after_another, mapper)
+    yield from _solve_unloading(
+        stage, unloading, solved_loading, elastic_outputs, one_after_another, mapper
+    )
 
 
 def _solve_unloading(
     stage: Stage,
     unloading: Sequence[LoadStep],
-    peaks: dict[float | None, _SolvedStep],
+    solved_loading: dict[float | None, _SolvedStep],
     elastic_outputs: dict[float, Any],
     one_after_another: bool,
     mapper: Mapper,
 ) -> Iterator[Any]:
     """Solve the unloading from all peak loads, and yield the output of each step.
 
-    peaks : solved steps of first loading, by pressure.
+    solved_loading : solved steps of first loading, by pressure.
     elastic_outputs : outputs of first loading in which no point has yielded, by pressure. The function adds the outputs
         of unloading steps that follow the loading curve.
     """
 
     def follows_loading(step: LoadStep) -> bool:
         """Return whether unloading to this step follows the loading curve, without any plastic deformation."""
-        return not (one_after_another or peaks[step.unloaded_from].has_yielded)
+        return not (one_after_another or solved_loading[step.unloaded_from].has_yielded)
 
     # choose the unloading steps to solve: a pressure on the loading curve is solved only once
     steps_to_solve: list[LoadStep] = []
@@ -296,11 +298,11 @@ def _solve_unloading(
         if not (follows_loading(step) and is_known):
             steps_to_solve.append(step)
     # solve these steps; the mapper returns them in the order of `steps_to_solve`
-    peaks_before = [peaks[step.unloaded_from] for step in steps_to_solve]
+    solved_peaks = [solved_loading[step.unloaded_from] for step in steps_to_solve]
     solved_steps: Iterator[_SolvedStep] = iter(())
     if steps_to_solve:
         is_peak = [False] * len(steps_to_solve)
-        solved_steps = iter(mapper(stage, steps_to_solve, is_peak, peaks_before))
+        solved_steps = iter(mapper(stage, steps_to_solve, is_peak, solved_peaks))
     # yield the outputs of all unloading steps in their order, some of them a second time
     for step in unloading:
         if not follows_loading(step):

@@ -255,10 +255,10 @@ class CoatedLaw(ContactLaw):
         d = self.thickness
         return np.r_[self.layer.bends, d, (1 + _PASSAGE) * d, d + self.substrate.bends]
 
-    def at(self, is_chosen: Flags) -> ContactLaw | None:
-        """Return the contact law of the chosen points, see `ContactLaw.at`."""
-        layer = self.layer.at(is_chosen)
-        substrate = self.substrate.at(is_chosen)
+    def of_points(self, is_chosen: Flags) -> ContactLaw | None:
+        """Return the contact law of the chosen points, see `ContactLaw.of_points`."""
+        layer = self.layer.of_points(is_chosen)
+        substrate = self.substrate.of_points(is_chosen)
         if layer is None or substrate is None:
             return None
         return CoatedLaw(layer, substrate, self.thickness)

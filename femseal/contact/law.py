@@ -101,7 +101,7 @@ class ContactLaw:
         """Write the law as factor · H(u + u₀) − p_f with another law H(u); return that law and the three parameters."""
         return ShiftedLaw(self)
 
-    def at(self, is_chosen: Flags) -> ContactLaw | None:
+    def of_points(self, is_chosen: Flags) -> ContactLaw | None:
         """Return the law of the chosen points alone, or None if the law cannot be split into points.
 
         is_chosen : flags (n1, n2). The methods of the returned law take and return arrays (number of chosen points,).
@@ -153,7 +153,7 @@ class ContactLaw:
         depth = self.constant_depth
         # whether a point may be deformed beyond the part of the curve with constant hardness
         is_curved = (trial > first_hardness + stiffness * depth) | (gap < -depth)
-        law = self.at(is_curved)
+        law = self.of_points(is_curved)
         if law is None:
             return project_on_curve(self, pressure, gap, stiffness)
         # most points are elastic or within the constant part of the curve, and are projected on the constant
@@ -279,11 +279,13 @@ class LinearHardening(ContactLaw):
         """Whether hardness and slope are single numbers, which apply to all points."""
         return isinstance(self.hardness, float) and isinstance(self.slope, float)
 
-    def at(self, is_chosen: Flags) -> ContactLaw:
-        """Return the law of the chosen points, see `ContactLaw.at`."""
+    def of_points(self, is_chosen: Flags) -> ContactLaw:
+        """Return the law of the chosen points, see `ContactLaw.of_points`."""
         if self.is_uniform:
             return self
-        hardness, slope = (_at(values, is_chosen) for values in (self.hardness, self.slope))
+        hardness, slope = (
+            _values_of_points(values, is_chosen) for values in (self.hardness, self.slope)
+        )
         return LinearHardening(hardness, slope)
 
     @property
@@ -380,16 +382,16 @@ class _ChangedLaw(ContactLaw):
             fluid_pressure=self.factor * inner.fluid_pressure + self.fluid_pressure,
         )
 
-    def at(self, is_chosen: Flags) -> ContactLaw | None:
-        """Return the law of the chosen points, see `ContactLaw.at`."""
-        law = self.law.at(is_chosen)
+    def of_points(self, is_chosen: Flags) -> ContactLaw | None:
+        """Return the law of the chosen points, see `ContactLaw.of_points`."""
+        law = self.law.of_points(is_chosen)
         if law is None:
             return None
         return replace(
             self,
             law=law,
-            earlier_deformation=_at(self.earlier_deformation, is_chosen),
-            fluid_pressure=_at(self.fluid_pressure, is_chosen),
+            earlier_deformation=_values_of_points(self.earlier_deformation, is_chosen),
+            fluid_pressure=_values_of_points(self.fluid_pressure, is_chosen),
         )
 
     def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
@@ -547,7 +549,7 @@ def _law_of_number(hardness: float) -> PerfectlyPlastic:
     return PerfectlyPlastic(hardness)
 
 
-def _at(values: float | Array, is_chosen: Flags) -> float | Array:
+def _values_of_points(values: float | Array, is_chosen: Flags) -> float | Array:
     """Return the values at the chosen points. A single number applies to all points, and is returned unchanged."""
     return values[is_chosen] if isinstance(values, np.ndarray) and values.ndim > 0 else values
 

@@ -211,11 +211,11 @@ def compare(first, end, c, delta, law, points, near):
     squared_change = 0.0
     shift = c * delta
     is_uniform = law.hardness.size == 1 and law.slope.size == 1  # the law is the same at all points
-    H, t = law_at(0, law, c)
+    H, t = hardness_and_fraction(0, law, c)
     for j in range(end - first):
         i = index[j]
         if not is_uniform:
-            H, t = law_at(i, law, c)
+            H, t = hardness_and_fraction(i, law, c)
         y, new_state = projected(x[j] + shift, H, t)
         difference = y - p[j]
         squared_difference += difference * difference
@@ -233,7 +233,7 @@ def value_at(values, i):
 
 
 @exact
-def law_at(i, law, c):
+def hardness_and_fraction(i, law, c):
     """Return the hardness H [Pa] of point i, and the fraction t = h/(h + c).
 
     In the formula, h is the hardening modulus [Pa/m] of the point, and c the length [Pa/m] of the projection step.
@@ -281,7 +281,7 @@ def find_approach(x, n, law, c_law, index, c, load, start):
 
     Returns δ, and whether the points can carry the load.
     """
-    highest, full, total_hardness, rise = capacity(n, x, law, c_law, index, load)
+    highest, full, total_hardness, rise = sums_and_maxima(n, x, law, c_law, index, load)
     delta, low, top, can_carry = bracket_approach(
         highest, full, total_hardness, rise, c, load, start
     )
@@ -293,14 +293,14 @@ def find_approach(x, n, law, c_law, index, c, load, start):
     return delta, can_carry
 
 
-def _bounds(values: list[Any]) -> Any:
-    """Combine the results of `capacity` for all parts: maxima of `highest` and `full`, sums of `total` and `rise`."""
+def _merged(values: list[Any]) -> Any:
+    """Combine the four results of `sums_and_maxima` for all parts: the first two are maxima, the last two are sums."""
     highest, full, total, rise = zip(*values, strict=True)
     return max(highest), max(full), sum(total), sum(rise)
 
 
-@by_items(_bounds, **_EXACT)
-def capacity(first, end, x, law, c_law, index, load):
+@by_items(_merged, **_EXACT)
+def sums_and_maxima(first, end, x, law, c_law, index, load):
     """Compute, for some points, the sums and maxima from which `bracket_approach` finds bounds of the approach δ.
 
     Returns
@@ -317,10 +317,10 @@ def capacity(first, end, x, law, c_law, index, load):
     total = 0.0
     rise = 0.0
     is_uniform = law.hardness.size == 1 and law.slope.size == 1  # the law is the same at all points
-    H, t = law_at(0, law, c_law)
+    H, t = hardness_and_fraction(0, law, c_law)
     for j in range(end - first):
         if not is_uniform:
-            H, t = law_at(index[j], law, c_law)
+            H, t = hardness_and_fraction(index[j], law, c_law)
         highest = max(highest, x[j])
         full = max(full, min(H, load) - x[j])
         total += H
@@ -333,7 +333,7 @@ def bracket_approach(highest, full, total_hardness, rise, c, load, start):
     """Return a first guess of δ, a lower and an upper bound of δ, and whether the points can carry the load.
 
     If the lower and the upper bound are equal, they are the solution δ. The first four arguments are the values that
-    the function `capacity` returns.
+    the function `sums_and_maxima` returns.
     """
     if total_hardness <= load:
         if rise == 0.0:  # without hardening, all points are at their hardness
@@ -377,8 +377,8 @@ def total_pressure(first, end, x, shift, law, c_law, index):
     """Compute Σ y(x + shift) over some points, and its derivative with respect to `shift`.
 
     The projection of a trial pressure z is y = 0 for z < 0, y = z for z between 0 and the hardness H, and y = H + t
-    (z − H) for larger z. The slope t depends on the hardening modulus, see `law_at`. Without hardening, the derivative
-    of the sum is the number of points with 0 < y < H.
+    (z − H) for larger z. The slope t depends on the hardening modulus, see `hardness_and_fraction`. Without hardening,
+    the derivative of the sum is the number of points with 0 < y < H.
 
     Parameters
     ----------
@@ -389,14 +389,14 @@ def total_pressure(first, end, x, shift, law, c_law, index):
     shift : float
         Pressure that is added to the trial pressures of all points [Pa].
     law, c_law : group of arrays and float
-        Contact law and length of the projection step, see `law_at`.
+        Contact law and length of the projection step, see `hardness_and_fraction`.
     index : array
         Grid index of each point in the list.
     """
     x, index = x[first:end], index[first:end]
     total = 0.0
     slopes = 0.0
-    H, t = law_at(0, law, c_law)
+    H, t = hardness_and_fraction(0, law, c_law)
     is_uniform = law.hardness.size == 1 and law.slope.size == 1  # the law is the same at all points
     if is_uniform and t == 0.0:  # without hardening, this loop compiles to vector instructions
         for j in range(end - first):
@@ -407,7 +407,7 @@ def total_pressure(first, end, x, shift, law, c_law, index):
             slopes += derivative
         return total, slopes
     for j in range(end - first):
-        H, t = law_at(index[j], law, c_law)
+        H, t = hardness_and_fraction(index[j], law, c_law)
         z = x[j] + shift
         above = 0.0 if z < H else t  # derivative dy/dz where the point yields
         derivative = 1.0 if (z > 0.0) & (z < H) else above
@@ -462,11 +462,11 @@ def set_pressures(first, end, c, delta, keep, law, points, near):
     carried = 0.0
     n_free = 0
     is_uniform = law.hardness.size == 1 and law.slope.size == 1  # the law is the same at all points
-    H, t = law_at(0, law, c)
+    H, t = hardness_and_fraction(0, law, c)
     for j in range(end - first):
         i = index[j]
         if not is_uniform:
-            H, t = law_at(i, law, c)
+            H, t = hardness_and_fraction(i, law, c)
         y, new_state = projected(x[j] + c * delta, H, t)
         if new_state & 1:  # odd states are free: 1 is elastic, 3 hardens
             if keep and state[i] == new_state:
@@ -508,11 +508,11 @@ def shift(first, end, c, uniform, law, points, near, free):
     pressure = near.response[first:end]
     p = points.p
     is_uniform = law.hardness.size == 1 and law.slope.size == 1  # the law is the same at all points
-    H, t = law_at(0, law, c)
+    H, t = hardness_and_fraction(0, law, c)
     for k in range(end - first):
         i = index[k]
         if not is_uniform:
-            H, t = law_at(i, law, c)
+            H, t = hardness_and_fraction(i, law, c)
         y = max(pressure[k] + uniform, 0.0)
         p[i] = min(y, H) if t == 0.0 else y  # a point that hardens has no upper bound
 

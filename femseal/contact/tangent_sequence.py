@@ -93,7 +93,7 @@ def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
         tolerance = max(rtol, min(_LARGEST_TANGENT_RTOL, _TANGENT_RTOL * mismatch))
         turns_back = (next_u - u) * change < 0
         if turns_back.any():
-            part, turning = _law_at(law, turns_back)
+            part, turning = _law_of_points(law, turns_back)
             modulus = (part.hardening_modulus(values[turning]) for values in (u, next_u))
             turns_back[turning] &= np.minimum(*modulus) < 0
         # Tangents of a curve that hardens abruptly may alternate between two states, which shorter steps end. A law
@@ -129,7 +129,7 @@ def _tangent_from_depth(
     if not is_curved.any():
         return first, 0.0
     # tangents of the points whose deformation is beyond the constant part of the law
-    part, chosen = _law_at(law, is_curved)
+    part, chosen = _law_of_points(law, is_curved)
     deformation = u[chosen]
     slope = np.maximum(part.hardening_modulus(deformation), 0.0)
     yield_pressure = part.yield_pressure(deformation)
@@ -186,16 +186,16 @@ def _softens(law: ContactLaw, u: Array) -> bool:
     is_curved = u > law.constant_depth
     if not is_curved.any():
         return False
-    part, chosen = _law_at(law, is_curved)
+    part, chosen = _law_of_points(law, is_curved)
     return bool(np.min(part.hardening_modulus(u[chosen])) < 0)
 
 
-def _law_at(law: ContactLaw, is_chosen: Flags) -> tuple[ContactLaw, Any]:
+def _law_of_points(law: ContactLaw, is_chosen: Flags) -> tuple[ContactLaw, Any]:
     """Return the contact law of the chosen points, and an index that picks these points from an array.
 
     If the law cannot be split into points, the original law and an index of all points are returned.
     """
-    part = law.at(is_chosen)
+    part = law.of_points(is_chosen)
     if part is None:
         return law, ...
     return part, is_chosen

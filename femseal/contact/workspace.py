@@ -117,7 +117,7 @@ class WorkArrays:
             None,
             dtype=np.float32,
             threads=threads,
-            over=self.respond,
+            memory_of=self.respond,
         )
         # grid arrays in the memory of the two convolutions
         self.points = GridPoints(

@@ -43,7 +43,7 @@ from .mesh_input import (
     open_facets,
     permeability_tensors,
 )
-from .problem import LINEAR, DarcyFlow, checked_imbalance, potential_rtol
+from .problem import USE_LINEAR_ELEMENTS, DarcyFlow, checked_imbalance, potential_rtol
 from .solvers.linear_solution import Ends, LinearSolution
 from .solvers.sparse import solve_between_ends
 
@@ -100,7 +100,9 @@ def darcy_conductance(
     """
     if type(mesh) not in KINDS:
         names = ", ".join(kind.__name__ for kind in KINDS)
-        raise InputError("mesh", f"a {type(mesh).__name__}", f"one of {names}, {LINEAR}")
+        raise InputError(
+            "mesh", f"a {type(mesh).__name__}", f"one of {names}, {USE_LINEAR_ELEMENTS}"
+        )
     operators = MeshOperators(mesh, ends_of(mesh, inlet, outlet))
     return operators.flow(
         permeability_tensors(permeability, mesh.nelements), bounds=bounds, solver=solver

@@ -23,7 +23,9 @@ MESH_SOLVERS = ("auto", *SPARSE_SOLVERS)
 #: Largest relative difference between inlet and outlet flow that is accepted from a direct or a precise solution.
 MAX_IMBALANCE = 1e-5
 #: Advice, in error messages, about second-order elements.
-LINEAR = "with linear elements; mesh with elements of the first order, finer where sides are curved"
+USE_LINEAR_ELEMENTS = (
+    "with linear elements; mesh with elements of the first order, finer where sides are curved"
+)
 #: Relative error of the potential, in the energy norm, that is allowed if the potential is plotted or saved.
 FIELD_RTOL = 1e-6
 #: Largest gap [m], largest ratio Δ1/Δ2 of the pixel lengths, and largest ratio of two open gaps. The smallest gap and

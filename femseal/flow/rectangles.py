@@ -48,8 +48,8 @@ _RTOL = 1e-8
 _ROUNDING = 1e-13
 
 
-def _is_no_copy(record: logging.LogRecord) -> bool:
-    """Return False for a log record which only says that the numbers of a mesh are copied."""
+def _is_worth_logging(record: logging.LogRecord) -> bool:
+    """Return whether a log record says more than that scikit-fem copies the numbers of a mesh."""
     return "C_CONTIGUOUS" not in record.getMessage()
 
 
@@ -182,11 +182,11 @@ class Rectangles:
         last_line = self._vertex_numbers[:, -1]
         first_line = self._vertex_numbers[:, 0]
         # scikit-fem warns that it copies vertices whenever it makes a mesh of more than 1000 vertices periodic
-        _MESH_LOG.addFilter(_is_no_copy)
+        _MESH_LOG.addFilter(_is_worth_logging)
         try:
             return MeshQuad1DG.periodic(self.plain_mesh, last_line, first_line)
         finally:
-            _MESH_LOG.removeFilter(_is_no_copy)
+            _MESH_LOG.removeFilter(_is_worth_logging)
 
     @cached_property
     def plain_mesh(self) -> Mesh:

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..base import Array, Indices, InputError, free_memory
 from ..base.machine import within_free_memory
-from ..flow.problem import LINEAR
+from ..flow.problem import USE_LINEAR_ELEMENTS
 
 if TYPE_CHECKING:
     from skfem import Mesh
@@ -102,7 +102,7 @@ def _kind_of_cells(file: Path, data: Any) -> str:
     if len(present) == 1 and present[0] in _KINDS:
         return present[0]
     found = " and ".join(present) or ", ".join(data.cells_dict) or "nothing"
-    expected = f"a mesh with cells of one kind of {', '.join(_KINDS)}, {LINEAR}"
+    expected = f"a mesh with cells of one kind of {', '.join(_KINDS)}, {USE_LINEAR_ELEMENTS}"
     if not present and file.suffix.lower() == _GMSH:
         expected = f"elements of the seal's area; {_PHYSICAL_SURFACE}"
     raise InputError("path", f"'{file}' with {found}", expected)

@@ -14,7 +14,7 @@ from skfem import Mesh, MeshQuad1, MeshTri1
 from ..base import Array, Indices, InputError, to_si
 from ..flow.mesh import MeshOperators
 from ..flow.mesh_input import is_connected, permeability_tensors
-from ..flow.problem import LINEAR, MESH_SOLVERS, DarcyFlow, check_solver
+from ..flow.problem import MESH_SOLVERS, USE_LINEAR_ELEMENTS, DarcyFlow, check_solver
 from .input_checks import check_inlet
 from .mesh_checks import check_elements
 from .mesh_files import NAME_BOUNDARIES, read_mesh
@@ -65,7 +65,7 @@ class MeshSeal:
             mesh = read_mesh(mesh, to_si(f"1 {self.unit}", "m", "unit"))
         object.__setattr__(self, "mesh", mesh)
         if type(mesh) not in (MeshTri1, MeshQuad1):
-            expected = f"a plane mesh of triangles or quadrilaterals, {LINEAR}"
+            expected = f"a plane mesh of triangles or quadrilaterals, {USE_LINEAR_ELEMENTS}"
             raise InputError("path", f"a {type(mesh).__name__}", expected)
         _check_boundary_names(mesh, "inlet", self.inlet)
         _check_boundary_names(mesh, "outlet", self.outlet)

@@ -26,7 +26,7 @@ _FEWEST_LINES = 9
 #: Smallest number of points of a grid.
 _FEWEST_OF_GRID = 4
 #: Smallest number of points of a profile.
-_SHORTEST_PROFILE = 3
+SHORTEST_PROFILE = 3
 
 
 class Columns(NamedTuple):
@@ -110,7 +110,7 @@ def grid_of_coordinates(table: NDArray, names: Sequence[str] = ()) -> MapOfTable
 def refuse_profile(table: NDArray) -> None:
     """Raise InputError if a table is a profile: heights along a single line, with or without positions."""
     lines, columns = table.shape
-    if min(lines, columns) > 2 or max(lines, columns) < _SHORTEST_PROFILE:
+    if min(lines, columns) > 2 or max(lines, columns) < SHORTEST_PROFILE:
         return  # more than x and z, or too few points
     is_upright = lines >= columns
     profile = table if is_upright else table.T  # (points, 1 or 2)

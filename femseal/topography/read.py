@@ -26,7 +26,7 @@ from ..base import (
     to_text,
     validate,
 )
-from .coordinates import profile_error
+from .coordinates import SHORTEST_PROFILE, profile_error
 from .formats import read_file, reading
 from .instrument_limits import Instrument
 from .masks import read_mask
@@ -42,8 +42,6 @@ log = logging.getLogger("femseal.topography")
 _ANY_PIXEL = (1e-6, 1e-6)
 #: Largest relative difference of units and pixel sizes that count as equal.
 _SAME = 1e-4
-#: A single line with at most this many points is not called a profile.
-_SHORTEST_PROFILE = 2
 #: Suffixes of files that may contain a mask.
 _MASKED = (".gwy", ".npz")
 
@@ -317,7 +315,7 @@ def _check_options(path: Path, given: Reading) -> None:
 
 def _profile_errors(path: Path, raw: Raw) -> list[InputError]:
     """Return a list with an error if the map is a single line; otherwise an empty list."""
-    if 1 not in raw.heights.shape or raw.heights.size <= _SHORTEST_PROFILE:
+    if 1 not in raw.heights.shape or raw.heights.size < SHORTEST_PROFILE:
         return []
     error = profile_error(raw.heights.ravel(), "a single line")
     return [bad_file(path, error.given, error.expected)]

@@ -275,11 +275,11 @@ class OfPoints(ContactLaw):
 @pytest.mark.parametrize("law", STUDIED, ids=lambda law: type(law).__name__)
 def test_a_law_for_all_points_together_is_that_of_each_point(law):
     gap = rough((24, 24))
-    of_points = OfPoints(law, np.ones(gap.shape))
-    assert of_points.at(gap > 0) is None
+    each_point = OfPoints(law, np.ones(gap.shape))
+    assert each_point.of_points(gap > 0) is None
     for given in ({}, {"deformation": np.where(gap < gap.mean(), 0.05 * D, 0.0)}):
         contact = solved(gap, law, 0.1 * H, **given)
-        again = solved(gap, of_points, 0.1 * H, **given)
+        again = solved(gap, each_point, 0.1 * H, **given)
         assert_allclose(again.pressure, contact.pressure, rtol=0, atol=1e-6 * H)
         assert_allclose(again.gap, contact.gap, rtol=0, atol=1e-7 * np.ptp(gap))
 

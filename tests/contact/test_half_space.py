@@ -119,7 +119,7 @@ def test_two_workspaces_in_the_same_memory(large, boundary, dtype, error, monkey
     half_space = HalfSpace((10, 7), (1e-6, 1e-6), E, boundary)
     given = half_space.shape, half_space.boundary, half_space.symbol()
     first = Convolution(*given)
-    second = Convolution(*given, dtype=dtype, over=first)
+    second = Convolution(*given, dtype=dtype, memory_of=first)
     p, q = np.random.default_rng(7).random((2, 10, 7))
     for _ in range(2):
         for workspace, pressure, rtol in ((first, p, 1e-14), (second, q, error)):

@@ -136,9 +136,9 @@ SUM = """
 import os, sys
 from pathlib import Path
 import femseal
-from femseal.base.lazy_package import name_cache
+from femseal.base.lazy_package import choose_cache_folder
 del os.environ["NUMBA_CACHE_DIR"]
-name_cache(Path("package"))
+choose_cache_folder(Path("package"))
 sys.path.insert(0, ".")
 from package import loops, {module}
 print(loops.total({module}.Pair(1.0, 2.0)))
