@@ -10,8 +10,10 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import atan, hypot, sqrt
+from math import atan, hypot, prod, sqrt
 from typing import Literal
+
+import numpy as np
 
 from ..base import InputError, Labelled, Pair, Shape, counted, labelled, to_text, validate
 from .defects import SPIKES
@@ -248,13 +250,15 @@ def smooth(
         unseen_slope = sqrt(waves.law.slope_power(measured, measured / UNSEEN))
     wave = default_wave(flat, shape, instrument) if shortest_wave is None else shortest_wave
     shortest = check_wave(wave, flat.size, shape)
-    undefined_points = sum(part.undefined_fraction * face.heights.size for face, part in parts)
+    # the maps may differ in size, as patches do, and in their pixels, as two faces do: each counts by its area
+    areas = [prod(face.size) for face, _ in parts]
+    undefined_fractions = [part.undefined_fraction for _, part in parts]
     # computed before the result is, so that the temporary maps do not add to its memory
     extreme = max(spikes_extreme(face, part.removed, shortest) for face, part in parts)
     result = flat.low_pass(shortest).resample(shape)
     tilt1, tilt2 = form.slopes
     return result, Conditioning(
-        undefined_fraction=undefined_points / sum(face.heights.size for face, _ in parts),
+        undefined_fraction=float(np.average(undefined_fractions, weights=areas)),
         spike_points=sum(part.spike_points for _, part in parts),
         spikes_extreme=extreme,
         removed_tilt=(atan(tilt1), atan(tilt2)),
