@@ -5,7 +5,7 @@ This module alone reads and writes quantities with units. All other modules use 
 
 import re
 from functools import cache, lru_cache
-from math import degrees, isfinite, isnan
+from math import degrees, inf, isfinite, isnan
 from typing import Any, NamedTuple, SupportsInt
 
 from .errors import InputError, shown
@@ -136,7 +136,10 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
     given = _Given(text, unit, name, like)
     is_plain_number = isinstance(text, (int, float)) and not isinstance(text, bool)
     if unit == "" and is_plain_number:
-        value = float(text)  # type: ignore[arg-type]
+        try:
+            value = float(text)  # type: ignore[arg-type]
+        except OverflowError:  # an integer that is too large for a floating-point number
+            value = inf
     else:
         number, given_unit = _parse(given)
         value = _convert(given, number, given_unit)
