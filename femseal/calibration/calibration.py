@@ -320,7 +320,8 @@ def _notes_on_ranges(cube: Array) -> list[str]:
 def _notes_on_fit(posterior: Posterior, cube: Array, median: Array) -> list[str]:
     """Make notes if the calibrated leakage does not fit the test, or if the surrogate is too inaccurate.
 
-    cube : samples of the posterior in the unit cube (n, 3). median : median of the calibrated leakage (rows,).
+    cube : samples of the posterior in the unit cube (n, 3).
+    median : median of the calibrated leakage (rows,).
     """
     notes = []
     test = posterior.test

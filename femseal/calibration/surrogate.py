@@ -63,8 +63,10 @@ _CLASS_DEVIATION = 0.2
 class _Solution:
     """Solution of K w = y for each of the k columns y of the values (n, k), with the covariance K = LLᵀ (n, n).
 
-    log_root_determinant : ln|L|, half of ln|K|. whitening : L⁻¹ (n, n). weights : w = K⁻¹y (n, k). squares : yᵀK⁻¹y
-        (k,).
+    log_root_determinant : ln|L|, half of ln|K|.
+    whitening : L⁻¹ (n, n).
+    weights : w = K⁻¹y (n, k).
+    squares : yᵀK⁻¹y (k,).
     """
 
     log_root_determinant: float
@@ -253,7 +255,8 @@ def _fit_processes(data_sets: list[_Data]) -> list[GaussianProcess]:
 class _LoadGroup:
     """A group of loads where exactly the same simulations leak.
 
-    loads : indices of the loads in the group. simulations : indices of the simulations that leak at the loads.
+    loads : indices of the loads in the group.
+    simulations : indices of the simulations that leak at the loads.
     """
 
     loads: list[int]

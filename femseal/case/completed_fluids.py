@@ -62,7 +62,8 @@ def _with_absolute_pressures(fluid: RawTable, table_key: str, ambient: float | N
 def _absolute(value: Any, ambient: float | None, key: str) -> Any:
     """Convert a text such as "99 bar(g)" or "100 bar(a)" to an absolute pressure; return other values unchanged.
 
-    ambient : ambient pressure [Pa], None for the standard pressure. key : key in the case, for messages.
+    ambient : ambient pressure [Pa], None for the standard pressure.
+    key : key in the case, for messages.
     """
     reference = STANDARD_PRESSURE if ambient is None else ambient
     pressure = absolute_pressure(value, reference, key)

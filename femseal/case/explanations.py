@@ -165,7 +165,8 @@ def _as_in_file(path: list[str], data: Any) -> list[str]:
     A case file can contain a single table [face], or several tables [[face]]. pydantic always treats the value of the
     key `face` as a list of tables, and includes the position in the list in the location of an error.
 
-    path : parts of the dotted key, with positions. data : tables of the case file.
+    path : parts of the dotted key, with positions.
+    data : tables of the case file.
     """
     result = []
     value = data

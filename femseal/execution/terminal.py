@@ -22,8 +22,9 @@ def flag(name: str, help: str) -> Any:
 def option(help: str, default: str, *names: str) -> Any:
     """Declare an option of a command.
 
-    help : help text. default : description of the default value, for the help text. names : names of the option on the
-    command line; by default, the name of the argument.
+    help : help text.
+    default : description of the default value, for the help text.
+    names : names of the option on the command line; by default, the name of the argument.
     """
     return typer.Option(*names, help=help, show_default=default)
 

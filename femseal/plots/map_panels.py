@@ -251,7 +251,8 @@ def clip_to_decades(values: Array, decades: int) -> tuple[Array, Any]:
 def colours_with_closed(name: str, colour: str = CLOSED_COLOUR) -> Any:
     """Return a colour map of matplotlib with a special colour for undefined values and values below the colour scale.
 
-    name : name of the colour map. colour : the special colour.
+    name : name of the colour map.
+    colour : the special colour.
     """
     from matplotlib import colormaps
 

@@ -83,9 +83,10 @@ def describe(
 
     Parameters
     ----------
-    value : the value to be described. append : function that stores the bytes of an array, and returns the position of
-    the first byte. substitute : function that returns plain data for a value that is not plain data. Without this
-    function, values that are not plain data raise a TypeError.
+    value : the value to be described.
+    append : function that stores the bytes of an array, and returns the position of the first byte.
+    substitute : function that returns plain data for a value that is not plain data. Without this function, values that
+        are not plain data raise a TypeError.
 
     Raises
     ------

@@ -51,8 +51,8 @@ class _Record(NamedTuple):
 class _Pending(NamedTuple):
     """An item whose result has not been yielded yet.
 
-    key : key of the result. item : the item if its result is in the store; None if the mapper computes the result of
-    the item.
+    key : key of the result.
+    item : the item if its result is in the store; None if the mapper computes the result of the item.
     """
 
     key: bytes
@@ -66,8 +66,9 @@ class Store:
 
     Parameters
     ----------
-    folder : folder of the results, which is created when the first result is written. required : whether an error is
-    raised if a result cannot be written. With False, a warning is logged instead, and no further results are written.
+    folder : folder of the results, which is created when the first result is written.
+    required : whether an error is raised if a result cannot be written. With False, a warning is logged instead, and no
+        further results are written.
     """
 
     def __init__(self, folder: Path, *, required: bool = True) -> None:
@@ -150,8 +151,9 @@ class Store:
     ) -> Iterator[Item]:
         """Yield the items without a stored result, whose results must be computed.
 
-        items : all items of the stage. key_of : function that returns the key of an item. pending : queue to which
-        every item is appended, with or without a stored result.
+        items : all items of the stage.
+        key_of : function that returns the key of an item.
+        pending : queue to which every item is appended, with or without a stored result.
         """
         submitted: set[bytes] = set()  # keys of the results that are being computed
         for item in items:
