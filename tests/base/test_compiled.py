@@ -1,9 +1,12 @@
 """Compiled loops: the same results from Python and from compiled code, contained once; threads are those of the caller."""
 
+import gc
+
 import numpy as np
 import pytest
 from numba import njit
 from numba.core import event
+from numba.core.errors import TypingError
 from test_machine import in_thread
 
 from femseal.base import compiled
@@ -86,3 +89,50 @@ def test_threads_are_those_of_the_caller():
             assert thread_count() == 3
         assert thread_count() == 2
     assert thread_count() == 1
+
+
+def test_python_looks_for_unreachable_objects_less_often_while_numba_compiles(without_cache):
+    limits = []
+
+    class Limits(event.Listener):
+        def on_start(self, _):
+            limits.append(gc.get_threshold())
+
+        def on_end(self, _):
+            limits.append(gc.get_threshold())
+
+    @compiled.compiled()
+    def double(x):
+        return 2 * x
+
+    @compiled.compiled()
+    def quadruple(x):
+        return double(double(x))
+
+    usual = gc.get_threshold()
+    with event.install_listener("numba:compile", Limits()):
+        assert quadruple(2.0) == 8.0
+    assert len(limits) == 4
+    # this listener is called after that of the package, which restores the limits at the end of the outer function
+    assert limits[:3] == [compiled._RareCollections.limits] * 3
+    assert limits[3] == gc.get_threshold() == usual
+
+
+def test_limits_of_collections_are_restored_if_a_function_cannot_be_compiled(without_cache):
+    @compiled.compiled()
+    def wrong(x):
+        return x + None
+
+    usual = gc.get_threshold()
+    with pytest.raises(TypingError):
+        wrong(1.0)
+    assert gc.get_threshold() == usual
+
+
+def test_a_compiled_division_by_zero_gives_infinity_or_an_undefined_number(without_cache):
+    @compiled.compiled()
+    def ratio(a, b):
+        return a / b
+
+    assert ratio(1.0, 0.0) == np.inf
+    assert np.isnan(ratio(0.0, 0.0))

@@ -29,7 +29,7 @@ _LEAF = 12
 #: Number of multiplications above which a matrix product is computed by BLAS.
 _BLAS = 30_000
 
-_fast: dict[str, Any] = {"error_model": "numpy", "fastmath": {"reassoc", "contract"}}
+_fast: dict[str, Any] = {"fastmath": {"reassoc", "contract"}}
 
 
 def eliminate(stencil: Stencil, unknown: Flags, φ: Array, ψ: Array) -> float:
