@@ -45,7 +45,8 @@ if TYPE_CHECKING:
     from .case.reading import load_case
     from .contact import Contact, HalfSpace, LoadCycle, load_cycle, solve_contact
     from .contact.hardness_curves import CoatedLaw, HardnessTable, NixGao
-    from .contact.law import ContactLaw, LinearHardening, PerfectlyPlastic
+    from .contact.law import ContactLaw
+    from .contact.linear_laws import LinearHardening, PerfectlyPlastic
     from .designs.answer import design
     from .designs.data_sheet import Design
     from .flow import (

@@ -32,7 +32,7 @@ from .contact_fields import Contact
 from .curve_loops import FIRST, TANGENT, CurveLines, ShiftedCurve, follow_curve
 from .curve_pieces import CurvePieces
 from .descent import Solution
-from .law import ContactLaw, YieldLine
+from .law import ContactLaw
 from .nested_grids import (
     COARSE_ITERATIONS,
     COARSE_RTOL,
@@ -45,6 +45,7 @@ from .nested_grids import (
 from .point_arrays import LinearLaw
 from .tangent_sequence import solve_by_tangents
 from .workspace import Problem, Workspace, coarsened, workspace
+from .yield_line import YieldLine
 
 #: Largest number of iterations on the given grid.
 _ITERATIONS = 80
@@ -151,7 +152,7 @@ def _solve_on_nested_grids(curve: _Curve, level: Level, rtol: float) -> Contact:
     deformations stay within a constant part of the curve; on unloading, if no point yields again.
     """
     offset = float(level.gap0.min())
-    start, delta, needs_curve = _start_from_coarser_grids(curve, level, offset)
+    start, delta, needs_curve = _start_with_line_or_curve(curve, level, offset)
     # try the line on the given grid if the line was accurate on all coarser grids
     if not needs_curve:
         contact = solve_straight_law(level, rtol, start)
@@ -180,7 +181,7 @@ class _Start(NamedTuple):
     needs_curve: bool
 
 
-def _start_from_coarser_grids(curve: _Curve, level: Level, offset: float) -> _Start:
+def _start_with_line_or_curve(curve: _Curve, level: Level, offset: float) -> _Start:
     """Solve a contact on all coarser grids, using the straight line of `level` while it is accurate enough.
 
     offset : reference height [m] from which heights are measured.

@@ -21,7 +21,8 @@ from numpy.typing import ArrayLike
 from ..base import Mapper, Plotted, Stage, TextTable, to_text, validate
 from ..loads import LoadProgramme, LoadStep
 from .half_space import HalfSpace
-from .law import ContactLaw, contact_law
+from .law import ContactLaw
+from .linear_laws import contact_law
 from .solver import Contact, check_capacity, solve_contact
 
 #: Number of arrays over all points that are needed to solve a state, including gap, plastic deformation and result.

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..base import Array, Flags, InputError, counted, reals, to_text, validate
 from ..materials import Coated
-from .law import ContactLaw, contact_law
+from .law import ContactLaw
+from .linear_laws import contact_law
 
 #: Depth interval, as a fraction of the thickness of a coating, in which H(u) changes from the hardness of the coating
 #: to the hardness of the substrate. The change is gradual, because a step would have no finite slope.

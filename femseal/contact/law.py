@@ -12,29 +12,25 @@ al., Proc. IMechE J 224, 2010, 335.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cached_property
 from math import inf
-from typing import Any, NamedTuple
-from uuid import uuid4
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base import Array, Flags, InputError, Shape, reals, to_text
-from ..store.digests import NoDigest, digest
 from .curve_pieces import CurvePieces
 from .curve_projection import project_on_curve
-
-#: Depths at which the laws of two bodies are compared [m].
-_COMPARED_DEPTHS = np.r_[0.0, np.geomspace(1e-10, 1e-3, 281)]
+from .yield_line import YieldLine
 
 
 class ContactLaw:
     """Base class of all contact laws. A law has to define `yield_pressure` and `hardening_modulus`.
 
-    A law should be a frozen dataclass (with `eq=False`). The fields of the dataclass are the parameters of the law. The
-    method `key` identifies the law by its parameters.
+    A law should be a frozen dataclass (with `eq=False`). The fields of the dataclass are the parameters of the law. Two
+    laws are equal if they are of the same class and have the same parameters.
     """
 
     @property
@@ -112,15 +108,15 @@ class ContactLaw:
         """Return the law H(u + u₀) of points that already have a plastic deformation u₀, given as `deformation` [m]."""
         if self.is_perfect:
             return self
-        return _ChangedLaw(self, earlier_deformation=reals(deformation))
+        return ShiftedLaw(self, earlier_deformation=reals(deformation))
 
     def less(self, fluid_pressure: ArrayLike) -> ContactLaw:
         """Return the law H(u) − p_f, which limits the contact pressure where the fluid pressure is p_f [Pa]."""
-        return _ChangedLaw(self, fluid_pressure=reals(fluid_pressure))
+        return ShiftedLaw(self, fluid_pressure=reals(fluid_pressure))
 
     def times(self, factor: float) -> ContactLaw:
         """Return the law factor · H(u), in which all hardnesses are multiplied by a factor."""
-        return _ChangedLaw(self, factor=factor)
+        return ShiftedLaw(self, factor=factor)
 
     def admissible(self, pressure: Array, gap: Array, stiffness: float) -> tuple[Array, Array]:
         """Project a contact pressure on the law; return the projected pressure and the plastic deformation.
@@ -194,159 +190,27 @@ class ContactLaw:
             raise InputError("hardness", f"{hardness.min():g} Pa", "numbers > 0 [Pa]")
         return YieldLine(hardness, slope)
 
-    def key(self) -> str:
-        """Return a text that identifies the law by its class and its parameters."""
-        try:
-            return digest(self)
-        except NoDigest:
-            # the class is not part of femseal or of an installed package; the law is then only equal to itself
-            return self._unique_key
-
-    @cached_property
-    def _unique_key(self) -> str:
-        """Text that no other law has, not even a law that takes the place of this one in memory."""
-        return f"{type(self).__qualname__} {uuid4()}"
-
     def __str__(self) -> str:
         return f"{type(self).__name__} with hardness {to_text(self.mean_hardness, 'Pa')}"
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, ContactLaw) and self.key() == other.key()
+        """Return whether another law is of the same class and has the same parameters."""
+        if self is other:
+            return True
+        # the parameters of a law that is not a dataclass are unknown; it is only equal to itself
+        if type(self) is not type(other) or not is_dataclass(self):
+            return False
+        names = [parameter.name for parameter in fields(self)]
+        return all(_is_equal(getattr(self, name), getattr(other, name)) for name in names)
 
     def __hash__(self) -> int:
-        return hash(self.key())
-
-
-class ShiftedLaw(NamedTuple):
-    """Parameters of the law factor · H(u + u₀) − p_f, which is derived from another law H(u).
-
-    law : law H(u).
-    factor : factor by which the hardness H is multiplied.
-    earlier_deformation : plastic deformation u₀ [m] from an earlier load, a number or an array (n1, n2).
-    fluid_pressure : pressure p_f [Pa] of a fluid between the surfaces, a number or an array (n1, n2).
-    """
-
-    law: ContactLaw
-    factor: float = 1.0
-    earlier_deformation: float | Array = 0.0
-    fluid_pressure: float | Array = 0.0
+        return hash(
+            type(self)
+        )  # equal laws are of the same class; their arrays are too large to be hashed
 
 
 @dataclass(frozen=True, eq=False)
-class LinearHardening(ContactLaw):
-    """Contact law of points that harden linearly with their plastic deformation: H(u) = H + h u.
-
-    During unloading, a point keeps the yield pressure H + h u that it has reached. Reloading is elastic up to the
-    earlier peak load, unless points have yielded again during unloading. At loads above the earlier peak load, the
-    contact follows the curve of first loading.
-
-    Parameters
-    ----------
-    hardness : float or array (n1, n2)
-        Hardness H > 0 at which yield begins [Pa].
-    slope : float or array (n1, n2)
-        Hardening modulus h >= 0 [Pa/m]; 0 for perfect plasticity.
-
-    Raises
-    ------
-    InputError
-        A hardness is not positive, or a slope is negative or infinite.
-
-    Examples
-    --------
-    >>> law = LinearHardening(4e9, 2e15)
-    >>> float(law.yield_pressure(1e-6))
-    6000000000.0
-    >>> law.capacity
-    inf
-    """
-
-    hardness: float | Array
-    slope: float | Array
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "hardness", _checked_numbers("hardness", self.hardness, "Pa"))
-        slope = _checked_numbers("slope", self.slope, "Pa/m", allow_zero=True)
-        object.__setattr__(self, "slope", slope)
-
-    @property
-    def linear(self) -> bool:
-        """Whether H(u) is a straight line, which is always the case for this law."""
-        return True
-
-    @property
-    def is_uniform(self) -> bool:
-        """Whether hardness and slope are single numbers, which apply to all points."""
-        return isinstance(self.hardness, float) and isinstance(self.slope, float)
-
-    def of_points(self, is_chosen: Flags) -> ContactLaw:
-        """Return the law of the chosen points, see `ContactLaw.of_points`."""
-        if self.is_uniform:
-            return self
-        hardness, slope = (
-            _values_of_points(values, is_chosen) for values in (self.hardness, self.slope)
-        )
-        return LinearHardening(hardness, slope)
-
-    @property
-    def capacity(self) -> float:
-        """Largest mean pressure [Pa] that the points can carry; infinite if at least one point hardens."""
-        # a uniform law need not create arrays
-        return self._uniform_line.capacity if self.is_uniform else super().capacity
-
-    def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
-        """Return the line H + h u, which is its own tangent at any deformation."""
-        return self._uniform_line if self.is_uniform else super().tangent(shape, 0.0)
-
-    @cached_property
-    def _uniform_line(self) -> YieldLine:
-        """Line H + h u of a uniform law. The line is stored, so that hardness and slope are checked only once."""
-        return super().tangent((1, 1))
-
-    def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """Compute H + h u [Pa]."""
-        return self.hardness + self.slope * reals(deformation)
-
-    def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """Return h [Pa/m], which does not depend on the deformation."""
-        return self.slope
-
-    def __str__(self) -> str:
-        hardening = f"{float(np.mean(self.slope)) / 1e15:.4g} GPa/µm"
-        return f"elastic-plastic with hardness {to_text(self.mean_hardness, 'Pa')} and hardening {hardening}"
-
-
-@dataclass(frozen=True, eq=False)
-class PerfectlyPlastic(LinearHardening):
-    """Contact law of points whose pressure is limited by a constant hardness: H(u) = H.
-
-    Parameters
-    ----------
-    hardness : float or array (n1, n2)
-        Hardness H > 0 [Pa]; infinite for elastic points.
-
-    Raises
-    ------
-    InputError
-        A hardness is not positive.
-
-    Examples
-    --------
-    >>> float(PerfectlyPlastic(4e9).yield_pressure(1e-6))
-    4000000000.0
-    """
-
-    hardness: float | Array = inf
-    slope: float | Array = field(default=0.0, init=False, repr=False)
-
-    def __str__(self) -> str:
-        if self.is_elastic:
-            return "elastic"
-        return f"elastic-perfectly plastic with hardness {to_text(self.mean_hardness, 'Pa')}"
-
-
-@dataclass(frozen=True, eq=False)
-class _ChangedLaw(ContactLaw):
+class ShiftedLaw(ContactLaw):
     """Contact law factor · H(u + u₀) − p_f, which is derived from an original law H(u).
 
     law : original law H(u).
@@ -390,8 +254,8 @@ class _ChangedLaw(ContactLaw):
         return replace(
             self,
             law=law,
-            earlier_deformation=_values_of_points(self.earlier_deformation, is_chosen),
-            fluid_pressure=_values_of_points(self.fluid_pressure, is_chosen),
+            earlier_deformation=values_of_points(self.earlier_deformation, is_chosen),
+            fluid_pressure=values_of_points(self.fluid_pressure, is_chosen),
         )
 
     def tangent(self, shape: Shape, deformation: ArrayLike = 0.0) -> YieldLine:
@@ -421,161 +285,13 @@ class _ChangedLaw(ContactLaw):
         return str(self.law)
 
 
-@dataclass(frozen=True, eq=False)
-class SofterOf(ContactLaw):
-    """Contact law of two bodies. At each depth u the softer body yields: H(u) = min(H₁(u), H₂(u)).
-
-    Call `softer_of` instead of creating a `SofterOf` directly: unless the curves H₁(u) and H₂(u) cross, it returns the
-    law of the softer body.
-
-    Parameters
-    ----------
-    first, second : ContactLaw
-        Laws of the two bodies, each the same for all points.
-    """
-
-    first: ContactLaw
-    second: ContactLaw
-
-    @property
-    def capacity(self) -> float:
-        """Largest mean pressure [Pa] that the points can carry, which is limited by the weaker body."""
-        return min(self.first.capacity, self.second.capacity)
-
-    @property
-    def constant_depth(self) -> float:
-        """Plastic deformation [m] up to which the hardness of each of the two bodies is constant."""
-        return min(self.first.constant_depth, self.second.constant_depth)
-
-    @property
-    def bends(self) -> Array:
-        """Plastic deformations [m] at which H₁(u), H₂(u) or one of their derivatives may be discontinuous.
-
-        The depths at which the two curves cross are unknown and not included.
-        """
-        return np.r_[self.first.bends, self.second.bends]
-
-    def yield_pressure(self, deformation: Any = 0.0) -> Any:
-        """Compute min(H₁(u), H₂(u)) [Pa], the yield pressure of the softer body."""
-        first = self.first.yield_pressure(deformation)
-        second = self.second.yield_pressure(deformation)
-        return np.minimum(first, second)
-
-    def hardening_modulus(self, deformation: Any = 0.0) -> Any:
-        """Compute the hardening modulus dH/du [Pa/m] of the softer body at each point."""
-        first_pressure = self.first.yield_pressure(deformation)
-        second_pressure = self.second.yield_pressure(deformation)
-        first = self.first.hardening_modulus(deformation)
-        second = self.second.hardening_modulus(deformation)
-        return np.where(first_pressure <= second_pressure, first, second)
-
-    def __str__(self) -> str:
-        return f"the softer at each depth of {self.first}, and {self.second}"
+def _is_equal(first: Any, second: Any) -> bool:
+    """Return whether two parameters of laws are equal: numbers, arrays, laws, or other objects."""
+    if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
+        return np.array_equal(first, second)
+    return bool(first == second)
 
 
-def softer_of(first: ContactLaw, second: ContactLaw | None = None) -> ContactLaw:
-    """Return the law of the softer body, or a `SofterOf` if the curves H(u) of the two bodies cross.
-
-    first : law of the first body, the same for all points.
-    second : law of the second body, the same for all points; None if the second body is rigid.
-    """
-    if second is None:
-        return first
-    shape = _COMPARED_DEPTHS.shape
-    first_pressure = np.broadcast_to(first.yield_pressure(_COMPARED_DEPTHS), shape)
-    second_pressure = np.broadcast_to(second.yield_pressure(_COMPARED_DEPTHS), shape)
-    if np.all(first_pressure <= second_pressure):
-        return first
-    if np.all(second_pressure <= first_pressure):
-        return second
-    return SofterOf(first, second)
-
-
-@dataclass(frozen=True, eq=False)
-class YieldLine:
-    """Linear law H(u) = hardness + slope · u at each point, the kind of law that the compiled loops of the solver use.
-
-    Parameters
-    ----------
-    hardness : array (1,) or (n1, n2)
-        Hardness at u = 0 [Pa], one value for all points (1,) or one value for each point (n1, n2).
-    slope : array (1,) or (n1, n2)
-        Hardening modulus [Pa/m].
-    """
-
-    hardness: Array
-    slope: Array
-
-    @cached_property
-    def hardens(self) -> bool:
-        """Whether any point hardens."""
-        return bool(np.any(self.slope > 0))
-
-    @cached_property
-    def mean_hardness(self) -> float:
-        """Mean of the hardness [Pa]."""
-        if self.hardness.size == 1:
-            return self.hardness.item()
-        return float(self.hardness.mean())
-
-    @cached_property
-    def capacity(self) -> float:
-        """Largest mean pressure that the points can carry [Pa]."""
-        return inf if self.hardens else self.mean_hardness
-
-    @cached_property
-    def limit(self) -> Array:
-        """Largest contact pressure of each point [Pa], infinite at points that harden, (1,) or (n1, n2)."""
-        if not self.hardens:
-            return self.hardness
-        return np.where(self.slope > 0, inf, self.hardness)
-
-
-def contact_law(hardness: float | ArrayLike | ContactLaw) -> ContactLaw:
-    """Return a contact law unchanged, or make the perfectly plastic law for a hardness [Pa].
-
-    hardness : a law, a number, or an array (n1, n2).
-    """
-    if isinstance(hardness, ContactLaw):
-        return hardness
-    if isinstance(hardness, float):
-        return _law_of_number(hardness)
-    return PerfectlyPlastic(hardness)  # type: ignore[arg-type]
-
-
-@lru_cache(maxsize=64)
-def _law_of_number(hardness: float) -> PerfectlyPlastic:
-    """Make the perfectly plastic law for a single hardness [Pa]; repeated calls return the same law."""
-    return PerfectlyPlastic(hardness)
-
-
-def _values_of_points(values: float | Array, is_chosen: Flags) -> float | Array:
+def values_of_points(values: float | Array, is_chosen: Flags) -> float | Array:
     """Return the values at the chosen points. A single number applies to all points, and is returned unchanged."""
     return values[is_chosen] if isinstance(values, np.ndarray) and values.ndim > 0 else values
-
-
-def _checked_numbers(
-    name: str, value: Any, unit: str, *, allow_zero: bool = False
-) -> float | Array:
-    """Return a value as a float or an array, and raise InputError if it contains numbers that are not allowed.
-
-    By default, all numbers must be positive; infinity is allowed. With `allow_zero`, all numbers must be finite and not
-    negative.
-    """
-    expected = f"a number or an array (n1, n2) [{unit}]"
-    try:
-        if isinstance(value, (str, bytes)):
-            raise TypeError
-        array = reals(value)
-    except (TypeError, ValueError):
-        raise InputError(name, repr(value), expected) from None
-    if allow_zero:
-        is_allowed = (array >= 0) & np.isfinite(array)
-        expected = f"finite numbers >= 0 [{unit}]"
-    else:
-        is_allowed = array > 0
-        expected = f"numbers > 0 [{unit}]"
-    if not np.all(is_allowed):
-        given = f"{array.min():g} {unit}" if array.size else "no numbers"
-        raise InputError(name, given, expected)
-    return float(array.item()) if array.size == 1 else array

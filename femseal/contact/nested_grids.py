@@ -16,10 +16,9 @@ from .active_sets import solve_active_sets
 from .contact_fields import Contact
 from .descent import Solution
 from .half_space import HalfSpace
-from .law import YieldLine
-from .point_arrays import LinearLaw
 from .projection import gap_and_deformation
 from .workspace import Problem, Workspace, coarsened, workspace
+from .yield_line import YieldLine
 
 #: Target residual on coarse grids.
 COARSE_RTOL = 1e-2
@@ -71,7 +70,7 @@ class Level(NamedTuple):
         return Problem(
             gap0=self.gap0.ravel(),
             offset=offset,
-            law=LinearLaw(self.line.hardness.ravel(), self.line.slope.ravel()),
+            law=self.line.of_list,
             load=self.mean_pressure * self.gap0.size,
             first_delta=first_delta,
         )
@@ -187,7 +186,7 @@ def make_contact(level: Level, grid: Workspace, offset: float, solution: Solutio
     deformation = np.zeros(pressure.shape)
     is_plastic = np.zeros(pressure.shape, bool)
     parts_of_grid = rows(*pressure.shape)
-    law = LinearLaw(level.line.hardness.ravel(), level.line.slope.ravel())
+    law = level.line.of_list
     flat_results = gap.ravel(), deformation.ravel(), is_plastic.ravel()
     # the flat views share the memory of gap, deformation and is_plastic, which are filled here
     over(

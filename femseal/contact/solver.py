@@ -22,7 +22,8 @@ from ..base.compiled import thread_count, using_threads
 from .contact_fields import Contact
 from .curved_law import solve_curved_law
 from .half_space import HalfSpace
-from .law import ContactLaw, contact_law
+from .law import ContactLaw
+from .linear_laws import contact_law
 from .nested_grids import Level, solve_straight_law
 from .workspace import workspace
 

@@ -16,8 +16,9 @@ import numpy as np
 
 from ..base import Array, Flags, NotConverged
 from .contact_fields import Contact
-from .law import ContactLaw, YieldLine
+from .law import ContactLaw
 from .nested_grids import Level, solve_straight_law
+from .yield_line import YieldLine
 
 #: Largest number of contacts with tangents of a curved law.
 _MOST_TANGENTS = 100

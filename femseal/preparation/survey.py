@@ -11,7 +11,7 @@ from typing import Any
 
 from ..base import InputError, as_text, to_si, to_text, validate, write_bytes, writing
 from ..checks import FormEffect, estimate_surface, solve_form_effect
-from ..contact.law import PerfectlyPlastic
+from ..contact.linear_laws import PerfectlyPlastic
 from ..plots import rendered, survey_figure
 from ..topography import (
     Conditioning,

@@ -18,9 +18,10 @@ import numpy as np
 import femseal as fs
 from common import machine_and_time, print_report, table
 from femseal.checks import constrained_hardness_ratio
-from femseal.contact.law import YieldLine, contact_law
 from femseal.contact.layered import layer_factor
+from femseal.contact.linear_laws import contact_law
 from femseal.contact.tangent_sequence import _tangent_from_depth
+from femseal.contact.yield_line import YieldLine
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 from coated_block import block_compliance, with_ratio

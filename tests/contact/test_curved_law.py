@@ -13,7 +13,7 @@ from femseal.contact import (
     PerfectlyPlastic,
     curved_law,
 )
-from femseal.contact.law import SofterOf
+from femseal.contact.softer_body import SofterOf
 from femseal.topography import self_affine
 
 H, D = 1e9, 1e-6

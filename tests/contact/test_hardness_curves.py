@@ -17,7 +17,8 @@ from femseal.contact import (
     load_cycle,
     softer_of,
 )
-from femseal.contact.law import SofterOf, contact_law
+from femseal.contact.linear_laws import contact_law
+from femseal.contact.softer_body import SofterOf
 from femseal.topography import self_affine
 
 SOFT = STUDIED[-1]
