@@ -26,6 +26,10 @@ def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     The package has two kinds of names: its modules, and the names that its `__init__.py` imports under `TYPE_CHECKING`.
     No imported name may be the name of a module. Otherwise the module would replace the imported object, because Python
     stores each loaded module in the package under its name.
+
+    The package lazy_loader does not replace this function. `import femseal` takes as long with it (16 ms instead of 15
+    ms), but it reads the names from a second file of each package, `__init__.pyi`, and it rejects names that are
+    imported from another package, such as `femseal.studies.Scene`.
     """
     module = sys.modules[package]
 
