@@ -26,12 +26,10 @@ The flow of data, top to bottom::
 All values are in SI units. Names are loaded when first used, so that importing the package is quick.
 """
 
-from functools import partial
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .base.lazy_package import choose_cache_folder, displays, lazy
+from .base.lazy_package import choose_cache_folder, lazy
 
 __version__ = "0.2.0"
 
@@ -87,9 +85,6 @@ else:
     __getattr__, __dir__ = lazy(__name__)
 
 choose_cache_folder(Path(__file__).parent)
-displays["plots"] = partial(import_module, ".plots", __name__)
-displays["results"] = partial(import_module, ".results", __name__)
-displays["report"] = partial(import_module, ".report", __name__)
 
 __all__ = [
     "AnnularSeal",

@@ -209,6 +209,18 @@ def test_imports_run_upwards():
     assert downwards == set()
 
 
+def test_only_methods_that_show_a_result_use_packages_as_attributes_of_femseal():
+    """The methods are a short way to functions of packages below, which import the classes of the methods."""
+    used = {
+        (module, node.attr)
+        for module in MODULES
+        for node in _nodes(module)
+        if isinstance(node, ast.Attribute) and getattr(node.value, "id", "") == "femseal"
+    }
+    assert {name for _, name in used} == {"plots", "report", "results"}
+    assert {_room(module) for module, _ in used} == {"base", "results"}
+
+
 def test_no_modules_import_each_other():
     """Inside rooms: between rooms there is no circle without an import that runs downwards."""
     inside = {

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import field, fields
 from math import isnan
-from types import ModuleType
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from .lazy_package import displays
+import femseal  # its packages are loaded when a method uses them
+
 from .quantities import as_text, counted, with_its_unit
 from .text_table import TextTable
 
@@ -39,12 +39,7 @@ class Plotted:
         InputError
             The picture of this class does not have such an option.
         """
-        return display_package("plots").picture(self, **options)
-
-
-def display_package(name: str) -> ModuleType:
-    """Import and return one of femseal's display packages: "plots", "results" or "report"."""
-    return displays[name]()
+        return femseal.plots.picture(self, **options)
 
 
 class _Fact(NamedTuple):

@@ -12,12 +12,7 @@ from pathlib import Path
 from pkgutil import iter_modules
 from shutil import rmtree
 from tempfile import mkdtemp
-from types import ModuleType
 from typing import Any
-
-#: Functions that import the packages that display results, by the name of the package. `femseal/__init__.py` fills this
-#: table, so that modules that such a package imports need not import it themselves.
-displays: dict[str, Callable[[], ModuleType]] = {}
 
 
 def lazy(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import femseal  # its packages are loaded when a method uses them, and import this module
+
 from ..base import (
     AnyPath,
     Array,
@@ -23,7 +25,6 @@ from ..base import (
     to_si,
     to_text,
 )
-from ..base.display import display_package
 from ..base.leak_rates import LeakBasis
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..budget import ErrorBudget
@@ -193,12 +194,12 @@ class Results(Plotted):
     @property
     def verdicts(self) -> tuple[Any, ...]:
         """Verdicts on the leakage classes of the case, each with the load that the class requires."""
-        return tuple(display_package("results").verdicts_of(self))
+        return tuple(femseal.results.verdicts_of(self))
 
     @property
     def verdict_lines(self) -> list[str]:
         """Paragraphs of text that state the verdicts, see `verdict_paragraphs`."""
-        return list(display_package("results").verdict_lines(self))
+        return list(femseal.results.verdict_lines(self))
 
     def sealing_indices(
         self,
@@ -211,7 +212,7 @@ class Results(Plotted):
 
         See `sealing_index.sealing_indices` for the arguments and the returned value.
         """
-        return display_package("results").sealing_indices(  # type: ignore[no-any-return]
+        return femseal.results.sealing_indices(  # type: ignore[no-any-return]
             self, classes, tolerance=tolerance, nominal_diameter=nominal_diameter
         )
 
@@ -337,7 +338,7 @@ class Results(Plotted):
 
     def pixels(self, name: str, step: int, cell: Shape | None = None) -> xarray.DataArray:
         """Return a pixel field (x1, x2) at a load step in SI units, see `pixel_fields.read_pixels`."""
-        return display_package("results").read_pixels(self, name, step, cell)
+        return femseal.results.read_pixels(self, name, step, cell)
 
     def gap(self, step: int, cell: Shape | None = None) -> xarray.DataArray:
         """Return the deformed gap (x1, x2) [m] at one step, see `pixels`."""
@@ -354,17 +355,17 @@ class Results(Plotted):
     @property
     def stored_steps(self) -> list[int]:
         """Indices of the steps whose pixel fields are available in memory or in the folder."""
-        return display_package("results").stored_steps(self)
+        return femseal.results.stored_steps(self)
 
     # --- tables, pictures and files -------------------------------------------------------------------------------
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the results as one dictionary for each load step, in SI units, see `tables.rows`."""
-        return display_package("results").rows(self)
+        return femseal.results.rows(self)
 
     def table(self) -> TextTable:
         """Return the leakage as a table, which `rich.print` can display, see `tables.leakage_table`."""
-        return display_package("results").leakage_table(self)
+        return femseal.results.leakage_table(self)
 
     def attempts_table(self) -> TextTable:
         """Return a table of the attempts to reach the requested accuracy, to be displayed by `rich.print`.
@@ -376,7 +377,7 @@ class Results(Plotted):
         """
         if self.attempts is None:
             raise InputError("attempts", "a case without `accuracy`", "a case with `accuracy`")
-        return display_package("results").attempts_table(self.attempts)
+        return femseal.results.attempts_table(self.attempts)
 
     @property
     def plot(self) -> RunPictures:  # type: ignore[override]
@@ -398,17 +399,17 @@ class Results(Plotted):
 
     def report(self, path: AnyPath | None = None) -> Path:
         """Write the report, by default as `report.html` in the folder of the results, see `write_report`."""
-        return display_package("report").write_report(self, path)
+        return femseal.report.write_report(self, path)
 
     def export(self, path: AnyPath, **options: Any) -> list[Path]:
         """Write a pixel field to files that other programs can read, see `pixel_fields.export_field`."""
-        return display_package("results").export_field(self, path, **options)
+        return femseal.results.export_field(self, path, **options)
 
     def __repr__(self) -> str:
-        return display_package("results").summary_text(self)
+        return femseal.results.summary_text(self)
 
     def _repr_html_(self) -> str:
-        return display_package("results").summary_html(self)
+        return femseal.results.summary_html(self)
 
 
 def checked_cell(

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+import femseal  # its packages are loaded when a method uses them
+
 from ..base import (
     AnyPath,
     Array,
@@ -24,7 +26,6 @@ from ..base import (
     shown,
     write_text,
 )
-from ..base.display import display_package
 from ..base.fields import with_unit
 from ..base.leak_units import LEAK_UNITS, LeakUnit, leak_unit, leakage_unit
 from ..loads import LoadStep
@@ -358,9 +359,9 @@ class RunComparison(Plotted):
             The folder cannot be created.
         """
         target = made_folder(folder)
-        plots = display_package("plots")
         table = write_text(target / f"{stem}.csv", comma_separated(self.rows()))
-        return [table, *plots.write_figure(plots.comparison_figure(self), target, stem, formats)]
+        figure = femseal.plots.comparison_figure(self)
+        return [table, *femseal.plots.write_figure(figure, target, stem, formats)]
 
     def __repr__(self) -> str:
         names = ", ".join(self.names)

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import femseal  # its packages are loaded when a method uses them
+
 from ..base import AnyPath, InputError
-from ..base.display import display_package
 from ..studies.study_list import TWO_SCALE
 
 
@@ -25,7 +26,7 @@ class RunPictures:
 
     def __call__(self, **options: Any) -> Any:
         """Draw the leakage against the load, see `leakage`."""
-        return display_package("plots").picture(self._results, **options)
+        return femseal.plots.picture(self._results, **options)
 
     def leakage(self) -> Any:
         """Draw the leakage against the load, with its 95 % interval and the limits of the leakage classes."""
@@ -93,7 +94,7 @@ class RunPictures:
             "face_gap", f"a run that also solved the surface, compare = ['{TWO_SCALE.name}']"
         )
         data = self._results.dataset
-        chosen = display_package("plots").maps.default_step(data) if step is None else step
+        chosen = femseal.plots.maps.default_step(data) if step is None else step
         return self._shown("realisation_figure", data, chosen)
 
     def write(
@@ -128,7 +129,7 @@ class RunPictures:
         InputError
             A format, a name or a step is unknown, the results have no data for a picture, or the folder cannot be made.
         """
-        return display_package("report").write_pictures(self._results, folder, formats, names, step)
+        return femseal.report.write_pictures(self._results, folder, formats, names, step)
 
     def __repr__(self) -> str:
         names = [name for name in dir(type(self)) if not name.startswith("_")]
@@ -136,8 +137,7 @@ class RunPictures:
 
     def _shown(self, name: str, *arguments: Any) -> Any:
         """Draw a picture with the function `name` of `femseal.plots`, and show the picture."""
-        plots = display_package("plots")
-        return plots.shown(getattr(plots, name)(*arguments))
+        return femseal.plots.shown(getattr(femseal.plots, name)(*arguments))
 
     def _require(self, variable: str, expected: str) -> None:
         """Raise an InputError if the dataset lacks a variable."""
