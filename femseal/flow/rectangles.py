@@ -27,6 +27,7 @@ from __future__ import annotations
 import logging
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import ceil
 
 import numpy as np
 from skfem import Mesh, MeshQuad
@@ -173,9 +174,19 @@ class Rectangles:
             upper=max(upper, value) * (1 + _ROUNDING) if value > 0 else upper,
         )
 
+    def repeated(self) -> tuple[Rectangles, int]:
+        """Repeat the grid along x2, so that it has at least the columns that `mesh` needs.
+
+        Returns
+        -------
+        The grid of all copies, and the number of copies; 1 if the grid has enough columns.
+        """
+        copies = ceil(FEWEST_COLUMNS / self.columns)
+        return Rectangles(self.lines, copies * self.period, copies * self.columns), copies
+
     @cached_property
     def mesh(self) -> Mesh:
-        """Periodic scikit-fem mesh of the rectangles, which needs at least three columns.
+        """Periodic scikit-fem mesh of the rectangles, which needs at least three columns, see `repeated`.
 
         The first two vertices of an element are the ends of its edge along x1.
         """

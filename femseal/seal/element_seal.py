@@ -14,6 +14,7 @@ from ..flow.mesh import MeshOperators
 from ..flow.mesh_input import CLOSED_AXIS, permeability_tensors, principal_values
 from ..flow.problem import MESH_SOLVERS, SOLVERS, SPARSE_SOLVERS, DarcyFlow, check_solver
 from ..flow.rectangles import Rectangles
+from .on_mesh import SealOnMesh
 
 #: An element that is closed along one axis gets a small permeability along this axis, `CLOSED_AXIS` times the
 #: permeability along the other axis, so that the tensor is invertible. In tests with square seals, the flow through a
@@ -26,7 +27,7 @@ _ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class ElementSeal:
+class ElementSeal(SealOnMesh):
     """Define a seal with a constant permeability on each element, which varies at random between elements.
 
     The flow is computed as the geometric mean of two bounds: an upper bound from elements with continuous pressures,
@@ -80,15 +81,6 @@ class ElementSeal:
         points = np.empty((self.mesh.nvertices, 2))
         points[self.mesh.t.T] = self.outlines
         return points
-
-    @property
-    def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Allowed shapes of a permeability array that does not contain tensors."""
-        return (self.mesh.nelements,), (self.mesh.nelements, 2)
-
-    def corner_values(self, values: Array) -> Array:
-        """Return values at the corners of each element (n, corners) from values at the vertices (n_vertices,)."""
-        return np.asarray(values[self.mesh.t.T])
 
     def tensors(self, permeability: Any) -> Array:
         """Transform permeabilities, given across and along the lay, to tensors in the coordinates of the mesh.

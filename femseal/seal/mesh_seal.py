@@ -18,6 +18,7 @@ from ..flow.problem import MESH_SOLVERS, USE_LINEAR_ELEMENTS, DarcyFlow, check_s
 from .input_checks import check_inlet
 from .mesh_checks import check_elements
 from .mesh_files import NAME_BOUNDARIES, read_mesh
+from .on_mesh import SealOnMesh
 from .plane import polygon_areas
 
 #: Names of boundaries, one or several.
@@ -25,7 +26,7 @@ Names = str | Sequence[str]
 
 
 @dataclass(frozen=True)
-class MeshSeal:
+class MeshSeal(SealOnMesh):
     """Define a seal of any plan shape by a mesh of linear triangles or quadrilaterals.
 
     The flow is computed with continuous pressures (conforming elements). Its error decreases with the square of the
@@ -108,15 +109,6 @@ class MeshSeal:
     def points(self) -> Array:
         """Coordinates of the vertices (n_vertices, 2) [m]."""
         return np.ascontiguousarray(self.mesh.p.T)
-
-    @property
-    def element_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Allowed shapes of a permeability array that does not contain tensors."""
-        return (self.mesh.nelements,), (self.mesh.nelements, 2)
-
-    def corner_values(self, values: Array) -> Array:
-        """Return values at the corners of each element (n, corners) from values at the vertices (n_vertices,)."""
-        return np.asarray(values[self.mesh.t.T])
 
     def flow(self, permeability: Any, *, bounds: bool = False, solver: str = "auto") -> DarcyFlow:
         """Compute the flow for a potential of 1 at the inlet and 0 at the outlet.

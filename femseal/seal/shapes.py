@@ -11,7 +11,7 @@ A shape is a frozen dataclass with the properties and methods of the protocol `S
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import ceil, pi
+from math import pi
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
@@ -20,7 +20,7 @@ from ..base import Array, InputError, Pair, Shape, validate
 from ..flow import DarcyFlow
 from ..flow.mesh_input import permeability_tensors
 from ..flow.problem import MESH_SOLVERS, SOLVERS, SPARSE_SOLVERS, check_solver, checked_permeability
-from ..flow.rectangles import FEWEST_COLUMNS, Rectangles
+from ..flow.rectangles import Rectangles
 from .element_seal import ElementSeal
 from .ring import Ring
 
@@ -191,20 +191,18 @@ class PeriodicSeal:
     ) -> DarcyFlow:
         """Compute the flow by scikit-fem for a permeability (n1, n2, 2) or (n1, n2, 2, 2).
 
-        A periodic mesh needs at least `FEWEST_COLUMNS` columns. If the seal has fewer columns, the mesh contains
-        several copies of the seal along its length. The returned flow is the flow through a single copy of the seal.
+        The mesh may contain several copies of the seal along its length, see `Rectangles.repeated`. The returned flow
+        is the flow through a single copy of the seal.
 
         solve : function that computes the flow through a seal on a mesh from the permeability of its elements.
         """
         n2 = self.cells[1]
-        repetitions = ceil(FEWEST_COLUMNS / n2)
-        strip = self.rectangles
-        repeated = Rectangles(strip.lines, repetitions * strip.period, repetitions * n2)
+        repeated, repetitions = self.rectangles.repeated()
         outlines = repeated.outlines
         elements = ElementSeal(
             repeated.mesh,
             *repeated.ends,
-            size=(float(np.ptp(strip.lines)), repeated.period),
+            size=(float(np.ptp(repeated.lines)), repeated.period),
             outlines=outlines,
             axes=np.broadcast_to(np.eye(2), (len(outlines), 2, 2)),
         )

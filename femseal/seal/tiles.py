@@ -6,7 +6,6 @@ strips, rings and meshes with tiles.
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from math import ceil
 
 import numpy as np
 
@@ -252,20 +251,19 @@ def face_tiles(size: Pair, cells: Shape) -> SealTiles:
 def strip_tiles(size: Pair, cells: Shape, lay: Array) -> SealTiles:
     """Create a periodic strip of rectangular tiles.
 
-    A periodic mesh needs at least `FEWEST_COLUMNS` columns. If the strip has fewer columns, the mesh contains several
-    copies of the strip along its length. All copies of an element of the strip belong to the same tile.
+    The mesh may contain several copies of the strip along its length, see `Rectangles.repeated`. All copies of an
+    element of the strip belong to the same tile.
 
     size : width and length of the strip [m].
     cells : numbers of rows and columns of tiles.
     lay : unit vector along the lay for each tile (tiles, 2).
     """
-    repetitions = ceil(FEWEST_COLUMNS / cells[1])
-    n1, n2 = cells[0], repetitions * cells[1]
-    repeated_size = size[0], repetitions * size[1]
-    strip = Rectangles(np.linspace(0.0, size[0], n1 + 1), repeated_size[1], n2)
+    lines = np.linspace(0.0, size[0], cells[0] + 1)
+    strip, repetitions = Rectangles(lines, size[1], cells[1]).repeated()
     # index of the tile of each element, row by row; the indices are repeated in the same way as the columns
-    tile = np.tile(np.arange(n1 * cells[1]).reshape(cells), (1, repetitions)).ravel()
+    tile = np.tile(np.arange(cells[0] * cells[1]).reshape(cells), (1, repetitions)).ravel()
     axes = lay_axes(lay[tile])
+    repeated_size = size[0], strip.period
     seal = ElementSeal(strip.mesh, *strip.ends, repeated_size, strip.outlines, axes, strip)
     return SealTiles(seal, lay[tile], tile, cells)
 
