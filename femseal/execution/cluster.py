@@ -212,8 +212,16 @@ def _number_to_send(client: Any, sent: deque[_Sent]) -> int:
 
 def _send_stage(client: Any, stage: Stage) -> Any:
     """Send a stage to all workers."""
-    _await_worker(client)
-    return client.scatter(stage, broadcast=True, hash=False)
+    for _ in range(RETRIES):
+        _await_worker(client)
+        try:
+            return client.scatter(stage, broadcast=True, hash=False)
+        except KeyError as error:
+            # a worker died while the stage was being sent, so that the scheduler does not find its address
+            if "://" not in str(error):
+                raise
+            log.warning("the worker %s died: sending the stage again", error)
+    raise FemsealError(f"scheduler: workers died {RETRIES} times while they received a stage")
 
 
 def _submit(client: Any, remote_stage: Any, item: tuple[Any, ...]) -> Any:

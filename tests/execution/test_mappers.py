@@ -306,6 +306,30 @@ def test_a_task_that_kills_its_workers_is_given_up_with_a_reason():
         assert list(mapping(Stage("trial", abs), [-1, 2])) == [1, 2]
 
 
+class LosingClient:
+    """A client of Dask, the first workers of which die while they receive a stage."""
+
+    def __init__(self, errors):
+        self.errors = iter(errors)
+
+    def nthreads(self):
+        return {"tcp://127.0.0.1:2": 1}
+
+    def scatter(self, stage, **_):
+        for error in self.errors:
+            raise error
+        return stage
+
+
+def test_a_stage_is_sent_again_if_a_worker_dies_meanwhile():
+    lost = KeyError("tcp://127.0.0.1:1")
+    assert cluster_map._send_stage(LosingClient([lost, lost]), "stage") == "stage"
+    with pytest.raises(fs.FemsealError, match="workers died"):
+        cluster_map._send_stage(LosingClient([lost] * 100), "stage")
+    with pytest.raises(KeyError, match="missing"):
+        cluster_map._send_stage(LosingClient([KeyError("missing")]), "stage")
+
+
 @pytest.mark.slow
 def test_a_lost_scheduler_is_reported():
     with real_cluster() as (address, start_worker):
