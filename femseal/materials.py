@@ -83,7 +83,7 @@ class Solid:
                     "together with hardness=None"
                 )
                 raise InputError("hardness", shown(self.hardness), expected)
-        elif self.hardness is None or self.hardness == inf:
+        elif self.hardness is None or (isinstance(self.hardness, float) and self.hardness == inf):
             hardness = inf
         else:
             hardness = validate.number("hardness", self.hardness, unit="Pa")

@@ -292,7 +292,7 @@ def test_pictures_are_made_in_the_rooms_of_pictures():
     assert {module for module in drawing if _room(module) not in PICTURES} == set()
 
 
-def test_analytic_needs_numpy_only():
+def test_analytic_itself_imports_numpy_only():
     names = {name for name, _ in _imports("femseal.analytic")}
     roots = {name.split(".")[0] for name in names if _room(name) not in ("base", "persson")}
     assert roots <= {"__future__", "math", "collections", "functools", "typing", "numpy"}

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import inf, nan
 
+import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
@@ -56,7 +57,9 @@ def test_invalid_poisson_ratios_are_refused(poisson):
         Solid(210e9, poisson)
 
 
-@pytest.mark.parametrize("value", [0.0, -1.0, nan, "x", "1e9", [1e9]])
+@pytest.mark.parametrize(
+    "value", [0.0, -1.0, nan, "x", "1e9", [1e9], [1e9, 2e9], np.array([1e9, 2e9])]
+)
 def test_invalid_strengths_are_refused(value):
     with pytest.raises(InputError, match=r"^yield_stress: given .*> 0 \[Pa\]"):
         Solid(210e9, 0.3, yield_stress=value)

@@ -126,7 +126,7 @@ _COMMON: dict[str, Any] = {"nogil": True, "no_cfunc_wrapper": True, "error_model
 _OPTIONS: dict[str, Any] = {"cache": True, **_COMMON}
 
 
-class _RareCollections(event.Listener):  # type: ignore[misc]
+class _FewerCollections(event.Listener):  # type: ignore[misc]
     """Let Python look for unreachable objects less often while Numba compiles.
 
     Numba creates millions of small objects. With the usual limits, looking for unreachable ones takes a tenth of the
@@ -144,7 +144,8 @@ class _RareCollections(event.Listener):  # type: ignore[misc]
         """Raise the limits when Numba begins to compile."""
         if self.depth == 0:
             self.usual_limits = gc.get_threshold()
-            gc.set_threshold(*self.limits)
+            if self.usual_limits[0] > 0:  # 0 means that the user has switched this off
+                gc.set_threshold(*self.limits)
         self.depth += 1
 
     def on_end(self, _: Any) -> None:
@@ -154,7 +155,7 @@ class _RareCollections(event.Listener):  # type: ignore[misc]
             gc.set_threshold(*self.usual_limits)
 
 
-event.register("numba:compile", _RareCollections())
+event.register("numba:compile", _FewerCollections())
 
 
 def compiled(**options: Any) -> Callable[[Any], Any]:

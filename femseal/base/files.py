@@ -88,7 +88,7 @@ def remove_foreign(path: Path) -> None:
 
 
 def is_inside(folder: Path, name: Path) -> bool:
-    """Return whether a relative path names an entry of a folder, or of a folder inside it, and passes no link.
+    """Return whether a relative path stays in a folder and passes no link.
 
     A link among the parents of the path counts as outside, even if it leads to a place inside the folder. The last part
     of the path may be a link, because a file that is removed or replaced is the link itself. The path need not exist.

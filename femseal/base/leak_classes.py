@@ -174,9 +174,9 @@ def within(leakage: ArrayLike, limit: float) -> Flags:
 
 #: Leakage classes. Columns: name, standard, limit for liquids and, if it differs, for gases, unit, multipliers (see
 #: `_MULTIPLIERS`; several are joined by "+"), only fluid for which the class is defined, edition, and whether the limit
-#: is from secondary sources. The limits of ISO 15848-1 are 1e-5, 1e-4 and 1e-2 mg/(m·s) of helium on the circumference
-#: of the stem, which is π times its diameter. The standard also states 1.78e-7, 1.78e-6 and 1.78e-4 mbar·L/s per
-#: mm of the diameter, which are the same masses at 0 °C. In API 598, 16 drops or 100 bubbles make 1 mL.
+#: is from secondary sources. The limits of ISO 15848-1 are 1e-5, 1e-4 and 1e-2 mg/s of helium per metre of the
+#: circumference of the stem, which is π times its diameter. The standard also states 1.78e-7, 1.78e-6 and 1.78e-4
+#: mbar·L/s per mm of the diameter, which are the same masses at 0 °C. In API 598, 16 drops or 100 bubbles make 1 mL.
 _TABLE = """
 L0.01          | EN 13555    | 0.01          | mg/(m·s)     |          |        | 2014          |
 L0.1           | EN 13555    | 0.1           | mg/(m·s)     |          |        | 2014          |

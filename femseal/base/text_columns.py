@@ -90,7 +90,8 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
     """Read the columns with the names `wanted` from a text file, and return an array (lines, columns).
 
     The first line of the file contains the names of the columns. Raises InputError if the file cannot be read, a column
-    is missing or occurs twice, or an entry is not a number.
+    is missing or occurs twice, an entry is not a number, or a line has more entries than there are columns. The latter
+    happens if numbers have decimal commas and the columns are separated by commas.
     """
     first_row, *rows = text_rows(file)
     names = [column.strip() for column in first_row.entries]
@@ -104,6 +105,8 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
     for row in rows:
         try:
             numbers.append([float(row.entries[column]) for column in columns])
+            if any(entry.strip() for entry in row.entries[len(names) :]):
+                raise ValueError("more entries than columns")
         except (ValueError, IndexError):
             allowed = f"numbers with decimal points in the columns {', '.join(wanted)}"
             given = f"'{file}' with the line '{shortened(row.line, 60)}'"

@@ -12,7 +12,7 @@ al., Proc. IMechE J 224, 2010, 335.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from math import inf
 from typing import Any
@@ -94,7 +94,7 @@ class ContactLaw:
         return CurvePieces.of(self.yield_pressure, self.bends)
 
     def shifted(self) -> ShiftedLaw:
-        """Write the law as factor · H(u + u₀) − p_f with another law H(u); return that law and the three parameters."""
+        """Write the law as factor · H(u + u₀) − p_f, where the law H(u) is not written in this way itself."""
         return ShiftedLaw(self)
 
     def of_points(self, is_chosen: Flags) -> ContactLaw | None:
@@ -197,16 +197,16 @@ class ContactLaw:
         """Return whether another law is of the same class and has the same parameters."""
         if self is other:
             return True
-        # the parameters of a law that is not a dataclass are unknown; it is only equal to itself
-        if type(self) is not type(other) or not is_dataclass(self):
+        # the parameters of a law whose class is not a dataclass are unknown; it is only equal to itself
+        is_described = "__dataclass_fields__" in vars(type(self))
+        if type(self) is not type(other) or not is_described:
             return False
         names = [parameter.name for parameter in fields(self)]
         return all(_is_equal(getattr(self, name), getattr(other, name)) for name in names)
 
     def __hash__(self) -> int:
-        return hash(
-            type(self)
-        )  # equal laws are of the same class; their arrays are too large to be hashed
+        # equal laws are of the same class; their arrays are too large to be hashed
+        return hash(type(self))
 
 
 @dataclass(frozen=True, eq=False)

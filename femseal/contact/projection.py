@@ -281,7 +281,7 @@ def find_approach(x, n, law, c_law, index, c, load, start):
 
     Returns δ, and whether the points can carry the load.
     """
-    highest, full, total_hardness, rise = sums_and_maxima(n, x, law, c_law, index, load)
+    highest, full, total_hardness, rise = maxima_and_sums(n, x, law, c_law, index, load)
     delta, low, top, can_carry = bracket_approach(
         highest, full, total_hardness, rise, c, load, start
     )
@@ -294,13 +294,13 @@ def find_approach(x, n, law, c_law, index, c, load, start):
 
 
 def _merged(values: list[Any]) -> Any:
-    """Combine the four results of `sums_and_maxima` for all parts: the first two are maxima, the last two are sums."""
+    """Combine the four results of `maxima_and_sums` for all parts: the first two are maxima, the last two are sums."""
     highest, full, total, rise = zip(*values, strict=True)
     return max(highest), max(full), sum(total), sum(rise)
 
 
 @by_items(_merged, **_EXACT)
-def sums_and_maxima(first, end, x, law, c_law, index, load):
+def maxima_and_sums(first, end, x, law, c_law, index, load):
     """Compute, for some points, the sums and maxima from which `bracket_approach` finds bounds of the approach δ.
 
     Returns
@@ -333,7 +333,7 @@ def bracket_approach(highest, full, total_hardness, rise, c, load, start):
     """Return a first guess of δ, a lower and an upper bound of δ, and whether the points can carry the load.
 
     If the lower and the upper bound are equal, they are the solution δ. The first four arguments are the values that
-    the function `sums_and_maxima` returns.
+    the function `maxima_and_sums` returns.
     """
     if total_hardness <= load:
         if rise == 0.0:  # without hardening, all points are at their hardness

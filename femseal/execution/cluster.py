@@ -216,11 +216,13 @@ def _send_stage(client: Any, stage: Stage) -> Any:
         _await_worker(client)
         try:
             return client.scatter(stage, broadcast=True, hash=False)
-        except KeyError as error:
-            # a worker died while the stage was being sent, so that the scheduler does not find its address
-            if "://" not in str(error):
+        except (KeyError, OSError) as error:
+            # if a worker has died meanwhile, the connection ends, or the scheduler does not find the worker's address
+            if isinstance(error, KeyError) and "://" not in str(error):
                 raise
-            log.warning("the worker %s died: sending the stage again", error)
+            log.warning(
+                "a worker died while the stage was being sent (%s): sending it again", error
+            )
     raise FemsealError(f"scheduler: workers died {RETRIES} times while they received a stage")
 
 

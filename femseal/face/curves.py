@@ -159,7 +159,7 @@ class CellCurves:
             at_peak=at_peak,
             at_reopening=self._log_k_between(knots, np.ones_like(inside), peak),
             without_pressure=self._log_k_between(knots, np.zeros_like(inside), peak),
-            # constant between the loading curve and the unloading curve from the lowest tabulated peak
+            # below the lowest tabulated peak, the correction is the same at all pressures
             decreases=knots.upper > 1,
         )
         # limits of ln k: its values at the peak and, at the same pressure, on loading

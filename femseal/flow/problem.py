@@ -150,7 +150,7 @@ def potential_rtol(rtol: float, field_rtol: float | None = None) -> float:
 def checked_imbalance(
     inflow: float,
     outflow: float,
-    energy: float,
+    energy: float | None,
     *,
     scale: float,
     allowed: float,
@@ -164,7 +164,8 @@ def checked_imbalance(
 
     Parameters
     ----------
-    inflow, outflow, energy : flow rates at inlet and outlet, and dissipated energy for a unit potential drop.
+    inflow, outflow, energy : flow rates at inlet and outlet, and dissipated energy for a unit potential drop; None if
+        the energy is not known.
     scale : flow rate by which the differences are divided. If it is not positive, the imbalance is infinite.
     allowed : largest imbalance that is accepted.
     flow, advice : which flow has been computed, and what the user should try, for the error message.
@@ -175,7 +176,8 @@ def checked_imbalance(
     """
     imbalance = inf
     if scale > 0:
-        imbalance = float(max(abs(inflow - outflow), abs(inflow - energy)) / scale)
+        others = [outflow] if energy is None else [outflow, energy]
+        imbalance = float(max(abs(inflow - other) for other in others) / scale)
     if not imbalance <= allowed:
         raise NotConverged(
             f"{flow}: the flow rates at inlet and outlet differ by {imbalance:.1e}, expected {allowed:.0e}"

@@ -331,7 +331,7 @@ def _check_balance(network: NetworkFlow) -> None:
     checked_imbalance(
         inflow,
         outflow,
-        energy=inflow,  # the energy of the flow is computed later, and is not compared
+        energy=None,  # it is computed later
         scale=max(abs(inflow), abs(outflow)),
         allowed=_IMBALANCE,
         flow="flow along spiral grooves",

@@ -205,12 +205,12 @@ def _replace_files(
 def _move_file(name: Path, source: Path, target: Path) -> None:
     """Move a file from one folder to another.
 
-    Raises FemsealError if a link in the path of the moved file leads out of the target folder.
+    Raises FemsealError if the path of the moved file leads out of the target folder or passes a link.
     """
     if not is_inside(target, name):
         parent = target / name.parent
         raise FemsealError(
-            f"'{parent}' is a link to another folder, expected a folder inside '{target}'"
+            f"'{parent}' is outside '{target}' or passes a link, expected a folder inside it"
         )
     made_folder((target / name).parent)
     os.replace(source / name, target / name)
@@ -262,7 +262,7 @@ def _files_of_earlier_run(folder: Path) -> list[Path]:
 def _remove_files(folder: Path, names: Iterable[Path]) -> None:
     """Remove files of an earlier run, and folders that become empty.
 
-    A file is not removed if a link in its path leads out of the folder.
+    A file is not removed if its path leads out of the folder or passes a link.
     """
     parents: set[Path] = set()
     for name in names:

@@ -90,10 +90,11 @@ def profile_roughness(
     """
     if spacing is not None:
         return _filtered_roughness(surface, long_wave_filter(spacing))
-    if ra is None and rz is not None:
-        ra = rz / _RZ_OVER_RA
     if ra is not None:
-        validate.number("ra or rz", ra, unit="m")
+        validate.number("ra", ra, unit="m")
+    elif rz is not None:
+        ra = validate.number("rz", rz, unit="m") / _RZ_OVER_RA
+    if ra is not None:
         cut_off = next(cut_offs.long for cut_offs in STANDARD_CUT_OFFS if ra > cut_offs.least_ra)
         return _filtered_roughness(surface, cut_off)
     # from the longest cut-off to the shortest, until Ra is large enough for the filter

@@ -114,7 +114,7 @@ def test_python_looks_for_unreachable_objects_less_often_while_numba_compiles(wi
         assert quadruple(2.0) == 8.0
     assert len(limits) == 4
     # this listener is called after that of the package, which restores the limits at the end of the outer function
-    assert limits[:3] == [compiled._RareCollections.limits] * 3
+    assert limits[:3] == [compiled._FewerCollections.limits] * 3
     assert limits[3] == gc.get_threshold() == usual
 
 
@@ -136,3 +136,28 @@ def test_a_compiled_division_by_zero_gives_infinity_or_an_undefined_number(witho
 
     assert ratio(1.0, 0.0) == np.inf
     assert np.isnan(ratio(0.0, 0.0))
+
+
+def test_garbage_collection_that_was_switched_off_stays_off(without_cache):
+    @compiled.compiled()
+    def triple(x):
+        return 3 * x
+
+    limits = []
+
+    class Limits(event.Listener):
+        def on_start(self, _):
+            limits.append(gc.get_threshold()[0])
+
+        def on_end(self, _):
+            pass
+
+    usual = gc.get_threshold()
+    gc.set_threshold(0)
+    try:
+        with event.install_listener("numba:compile", Limits()):
+            assert triple(2.0) == 6.0
+        assert limits == [0]
+        assert gc.get_threshold()[0] == 0
+    finally:
+        gc.set_threshold(*usual)

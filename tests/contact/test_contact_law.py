@@ -203,9 +203,17 @@ def test_laws_whose_parameters_are_unknown_are_equal_only_to_themselves():
         def __init__(self, hardness):
             self.hardness = hardness
 
-    law = Undescribed(H)
-    assert law == law
-    assert len({law, law, Undescribed(H), Undescribed(2 * H)}) == 3
+    class Derived(LinearHardening):
+        """Its offset is no field of the dataclass from which it is derived."""
+
+        def __init__(self, offset):
+            super().__init__(H, 1.0)
+            object.__setattr__(self, "offset", offset)
+
+    for kind in (Undescribed, Derived):
+        law = kind(H)
+        assert law == law
+        assert len({law, law, kind(H), kind(2 * H)}) == 3
 
 
 @pytest.mark.parametrize(

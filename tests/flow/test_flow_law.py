@@ -103,6 +103,18 @@ def test_a_permeability_that_no_gap_has_is_an_error():
             CUBIC_LAW.gap(bad)
 
 
+def test_a_permeability_within_a_small_jump_has_the_gap_at_the_jump():
+    """The formulas of a rarefied gas have jumps between them; no gap has a permeability within an upward jump."""
+    law, p = HELIUM.law, 1.3e5
+    gap = np.geomspace(1e-9, 1e-4, 1_000_001)
+    increase = np.diff(np.log(law.permeability(gap, p)))
+    jumps = np.flatnonzero(increase > 10 * np.median(increase))
+    assert len(jumps) >= 2
+    for i in jumps:
+        within = np.sqrt(np.prod(law.permeability(gap[i : i + 2], p)))
+        assert_allclose(law.gap(within, p), gap[i], rtol=5e-3)
+
+
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
 def test_a_law_without_a_length_is_homogeneous(law):
     """K(s h) = s³ K(h) holds of the laws that say so, and of others if their own length grows with the gap."""

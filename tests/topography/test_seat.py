@@ -134,6 +134,7 @@ def test_depths_of_all_forms_agree_with_their_equations():
         ("x1,z\n0,zero\n1,1\n", "numbers with decimal points"),
         ("x1 z\n0,5 1,2\n9,5 1,3\n", "numbers with decimal points"),
         ("x1;z\n0,5;1,2\n9,5;1,3\n", "numbers with decimal points"),
+        ("x1,z\n0,5,1,2\n9,5,1,3\n", "numbers with decimal points"),
     ],
 )
 def test_a_profile_is_read_from_a_file(tmp_path, text, message):
