@@ -12,7 +12,7 @@ al., Proc. IMechE J 224, 2010, 335.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from math import inf
 from typing import Any
@@ -197,9 +197,9 @@ class ContactLaw:
         """Return whether another law is of the same class and has the same parameters."""
         if self is other:
             return True
-        # the parameters of a law whose class is not a dataclass are unknown; it is only equal to itself
-        is_described = "__dataclass_fields__" in vars(type(self))
-        if type(self) is not type(other) or not is_described:
+        # the parameters of a law are unknown if its class itself is not a dataclass; it is then only equal to itself
+        is_undescribed = "__dataclass_fields__" not in vars(type(self))
+        if type(self) is not type(other) or not is_dataclass(self) or is_undescribed:
             return False
         names = [parameter.name for parameter in fields(self)]
         return all(_is_equal(getattr(self, name), getattr(other, name)) for name in names)
