@@ -144,7 +144,7 @@ def test_other_meshes_still_warn_of_copies(caplog):
     """scikit-fem warns of a copy; a seal makes one on purpose, without a change of the logging of others."""
     log = logging.getLogger("skfem.mesh.mesh")
     lines = np.linspace(0.0, 1.0, 41)
-    with caplog.at_level(logging.WARNING):
+    with caplog.at_level(logging.WARNING, "skfem"):
         Rectangles(lines, columns=40, period=1.0).mesh  # noqa: B018
         assert not caplog.records
         log.warning("Transforming over 1000 vertices to C_CONTIGUOUS.")
