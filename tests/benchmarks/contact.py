@@ -138,7 +138,7 @@ def report(records):
         cells.append(
             [*line, *(ratio(by_solver.get(name), femseal_record) for name in PROGRAMS[1:])]
         )
-    return f"""The CPU times of the other programs are given relative to femseal. "–" means that a run would have taken too long.
+    return f"""The CPU times of the other programs are given relative to femseal. "–" means that the solver was not run.
 
 {table(head, cells)}
 
