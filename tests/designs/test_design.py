@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from leakage_laws import STEPS, power_law
 from numpy.testing import assert_allclose
 from small_cases import STRIP, E, steel_scene
 
@@ -14,23 +15,7 @@ from femseal.case import parse_case
 from femseal.designs.data_sheet import sheet_sentences, sheet_tables
 from femseal.designs.requirements import Seals
 from femseal.designs.sensitivities import Variants, sensitivities
-from femseal.loads import LoadProgramme
 from femseal.results import RunFacts, assemble
-
-STEPS = LoadProgramme.of(
-    [1e7, 3e7, 1e8, 4e8, 9e8], unload_from=[4e8, 9e8], unloading=[3e8, 1e8, 3e7, 1e7]
-)
-#: On loading L = A p^−3, on unloading from Q_A it grows with p^−½ from there.
-FALL, RISE = 3.0, 0.5
-
-
-def power_law(amplitudes, steps=STEPS):
-    """Leakages (seals, steps) of the two power laws; exact between steps too, because they are straight in log–log."""
-    p = steps.pressures
-    top = p[steps.peak_indices]
-    law = np.where(steps.on_loading, p**-FALL, top**-FALL * (p / top) ** -RISE)
-    return np.asarray(amplitudes, dtype=float)[:, None] * law
-
 
 AMPLITUDES = np.exp(np.random.default_rng(3).normal(0, 0.3, 60)) * 1e12
 

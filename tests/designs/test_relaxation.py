@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from leakage_laws import FALL, RISE, power_law
 from numpy.testing import assert_allclose, assert_array_equal
-from test_design import AMPLITUDES, FALL, GROOVED, RISE, case, power_law
+from test_design import AMPLITUDES, GROOVED, case
 
 import femseal as fs
 from femseal.designs.data_sheet import rows

@@ -1,8 +1,9 @@
 """Pressures that a leakage class needs: exact for power laws, and never extrapolated."""
 
 import numpy as np
+from leakage_laws import FALL, RISE, STEPS, power_law
 from numpy.testing import assert_allclose
-from test_design import AMPLITUDES, FALL, RISE, STEPS, power_law, seals_of
+from test_design import AMPLITUDES, seals_of
 
 from femseal.base import to_text
 from femseal.designs.requirements import Seals, requirement, sealing_load

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from leakage_laws import FALL, power_law
 from numpy.testing import assert_allclose
-from test_design import AMPLITUDES, FALL, factor, power_law, seals_of, slopes
+from test_design import AMPLITUDES, factor, seals_of, slopes
 
 from femseal.designs.sensitivities import log_leakage_at, slope_at
 

@@ -1,30 +1,14 @@
 """The pressure from which on a leakage is below a limit."""
 
 import numpy as np
+from leakage_laws import STEPS, power_law
 
 from femseal.base import to_text
-from femseal.loads import LoadProgramme
 from femseal.results.needed_pressure import LeakageCurve
-
-STEPS = LoadProgramme.of(
-    [1e7, 3e7, 1e8, 4e8, 9e8], unload_from=[4e8, 9e8], unloading=[3e8, 1e8, 3e7, 1e7]
-)
-
-
-#: On loading L = A p^−3, on unloading from Q_A it grows with p^−½ from there.
-FALL, RISE = 3.0, 0.5
 
 
 def pascals(value):
     return to_text(value, "Pa", 3)
-
-
-def power_law(amplitudes, steps=STEPS):
-    """Leakages (seals, steps) of the two power laws; exact between steps too, because they are straight in log–log."""
-    p = steps.pressures
-    top = p[steps.peak_indices]
-    law = np.where(steps.on_loading, p**-FALL, top**-FALL * (p / top) ** -RISE)
-    return np.asarray(amplitudes, dtype=float)[:, None] * law
 
 
 def test_a_load_that_failed_is_not_met_and_tells_nothing_of_others():
