@@ -91,16 +91,19 @@ def test_threads_are_those_of_the_caller():
     assert thread_count() == 1
 
 
+class CollectionLimits(event.Listener):
+    """Records the limits of the garbage collection at the beginning and at the end of each compilation."""
+
+    def __init__(self):
+        self.limits = []
+
+    def on_start(self, _):
+        self.limits.append(gc.get_threshold())
+
+    on_end = on_start
+
+
 def test_python_looks_for_unreachable_objects_less_often_while_numba_compiles(without_cache):
-    limits = []
-
-    class Limits(event.Listener):
-        def on_start(self, _):
-            limits.append(gc.get_threshold())
-
-        def on_end(self, _):
-            limits.append(gc.get_threshold())
-
     @compiled.compiled()
     def double(x):
         return 2 * x
@@ -110,8 +113,9 @@ def test_python_looks_for_unreachable_objects_less_often_while_numba_compiles(wi
         return double(double(x))
 
     usual = gc.get_threshold()
-    with event.install_listener("numba:compile", Limits()):
+    with event.install_listener("numba:compile", CollectionLimits()) as listener:
         assert quadruple(2.0) == 8.0
+    limits = listener.limits
     assert len(limits) == 4
     # this listener is called after that of the package, which restores the limits at the end of the outer function
     assert limits[:3] == [compiled._FewerCollections.limits] * 3
@@ -143,21 +147,12 @@ def test_garbage_collection_that_was_switched_off_stays_off(without_cache):
     def triple(x):
         return 3 * x
 
-    limits = []
-
-    class Limits(event.Listener):
-        def on_start(self, _):
-            limits.append(gc.get_threshold()[0])
-
-        def on_end(self, _):
-            pass
-
     usual = gc.get_threshold()
     gc.set_threshold(0)
     try:
-        with event.install_listener("numba:compile", Limits()):
+        with event.install_listener("numba:compile", CollectionLimits()) as listener:
             assert triple(2.0) == 6.0
-        assert limits == [0]
+        assert [first for first, *_others in listener.limits] == [0, 0]
         assert gc.get_threshold()[0] == 0
     finally:
         gc.set_threshold(*usual)
