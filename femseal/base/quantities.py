@@ -133,7 +133,7 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
     Traceback (most recent call last):
     femseal.base.errors.InputError: d: given '1,5 mm', expected a number with a decimal point and no comma
     """
-    given = _Given(text, unit, name, like)
+    given = _GivenQuantity(text, unit, name, like)
     is_plain_number = isinstance(text, (int, float)) and not isinstance(text, bool)
     if unit == "" and is_plain_number:
         try:
@@ -144,11 +144,11 @@ def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> fl
         number, given_unit = _parse(given)
         value = _convert(given, number, given_unit)
     if not isfinite(value):
-        raise given.of_other_kind()
+        raise given.kind_error()
     return value
 
 
-class _Given(NamedTuple):
+class _GivenQuantity(NamedTuple):
     """A value that `to_si` converts, with its arguments, which are used in error messages."""
 
     text: object
@@ -164,52 +164,52 @@ class _Given(NamedTuple):
         example = self.like or _EXAMPLES.get(self.unit, f"1 {self.unit}")
         return f"text with a number and a unit of the kind {self.unit!r}, such as {example!r}"
 
-    def refused(self, expected: str) -> InputError:
+    def error(self, expected: str) -> InputError:
         """Make the error that the value is not what is expected."""
         return InputError(self.name, shown(self.text), expected)
 
-    def of_other_kind(self, hint: str = "") -> OtherKind:
+    def kind_error(self, hint: str = "") -> OtherKind:
         """Make the error that the value is not a quantity of the expected kind; `hint` is added to the message."""
         return OtherKind(self.name, shown(self.text), self.expected + hint)
 
 
-def _parse(given: _Given) -> tuple[float, str]:
+def _parse(given: _GivenQuantity) -> tuple[float, str]:
     """Divide a text into its number and its unit, which is "" if there is none; raise InputError for other texts.
 
     The unit is not checked.
     """
     text = given.text
     if not isinstance(text, str):
-        raise given.of_other_kind()
+        raise given.kind_error()
     if len(text) > _LONGEST:
-        raise given.of_other_kind(f", not longer than {_LONGEST} characters")
+        raise given.kind_error(f", not longer than {_LONGEST} characters")
     if given.unit == "Pa" and _REFERENCE.search(text):
         plain = shown(_REFERENCE.sub("", text))
         reason = "only the fluid pressures of a case can be gauge or absolute"
-        raise given.refused(f"a pressure without (g) or (a), such as {plain}: {reason}")
+        raise given.error(f"a pressure without (g) or (a), such as {plain}: {reason}")
     if _DECIMAL_COMMA.search(text):
-        raise given.refused("a number with a decimal point and no comma")
+        raise given.error("a number with a decimal point and no comma")
     match = _NUMBER_AND_UNIT.match(text)
     if match is None or (match[2] is None and given.unit):
-        raise given.of_other_kind()
+        raise given.kind_error()
     return float(match[1]), (match[2] or "").strip()
 
 
-def _convert(given: _Given, number: float, given_unit: str) -> float:
+def _convert(given: _GivenQuantity, number: float, given_unit: str) -> float:
     """Convert a number with its unit to the expected SI unit; raise InputError if the unit is of another kind."""
     if given.unit == "K":
         kelvin = _kelvin(number, given_unit)
         if kelvin is not None and kelvin < 0:
             example = given.like or "20 °C"
             expected = f"a temperature not below absolute zero, -273.15 °C, such as {example!r}"
-            raise given.refused(expected)
+            raise given.error(expected)
         if kelvin is not None:
             return kelvin
     if given_unit and not _UNIT.fullmatch(given_unit):
-        raise given.of_other_kind()
+        raise given.kind_error()
     factor = _factor(given_unit, given.unit)
     if factor is None:
-        raise given.of_other_kind(_hint(given_unit, given.unit))
+        raise given.kind_error(_hint(given_unit, given.unit))
     return _rounded(number * factor)
 
 
