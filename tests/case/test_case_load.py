@@ -101,7 +101,7 @@ class TestForces:
             parse_case(data | {"load": {"loading": loading}})
 
     def test_a_reworded_message_has_no_effect(self, data, monkeypatch):
-        monkeypatch.setattr(quantities._Given, "expected", "something else")
+        monkeypatch.setattr(quantities._GivenQuantity, "expected", "something else")
         with pytest.raises(fs.InputError, match=r"a pressure >= 0.* or a force"):
             parse_case(data | {"load": {"loading": ["5 m"]}})
         with pytest.raises(fs.InputError, match="comma"):
