@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from femseal import analytic
 from femseal.base import InputError, NotConverged
 from femseal.flow import Stencil, solve_flow
+from femseal.flow.solvers.thresholds import MOST_MULTIGRID_ITERATIONS
 
 SHAPES = [(1, 1), (1, 6), (6, 1), (2, 2), (2, 3), (7, 5), (5, 7), (20, 16)]
 
@@ -235,10 +236,22 @@ def test_a_part_of_the_error_that_few_iterations_do_not_meet_is_seen(wave, conta
 
 
 def test_a_hopeless_iteration_is_given_up_early():
-    c1, c2 = links(70, 70, True, 5, contrast=1e30, closed=0.1)
+    c1, c2 = links(70, 70, True, 5, contrast=1e12, closed=0.1)
     with pytest.raises(NotConverged) as caught:
-        solve_links(c1, c2, solver="multigrid")
-    assert int(re.search(r"after (\d+) iterations", str(caught.value))[1]) < 100
+        solve_links(c1, c2, solver="multigrid", rtol=1e-12)
+    iterations = int(re.search(r"after (\d+) iterations", str(caught.value))[1])
+    assert iterations < 2 / 3 * MOST_MULTIGRID_ITERATIONS
+
+
+@pytest.mark.parametrize("threaded_nodes", [1, 2**18])
+def test_multigrid_refuses_a_network_whose_paths_are_all_too_narrow(threaded_nodes, monkeypatch):
+    """A row of very narrow links divides the network; the links around one node are also narrow."""
+    monkeypatch.setattr("femseal.flow.solvers.multigrid.THREADED_NODES", threaded_nodes)
+    along, across = np.ones((40, 40)), np.ones((39, 39))
+    along[20] = 1e-15
+    along[8:10, 8] = across[8, 7:9] = 1e-9
+    with pytest.raises(NotConverged, match="every path contains a link below 1e-13"):
+        solve_links(along, across, solver="multigrid")
 
 
 @pytest.mark.parametrize("sides", ["mirror", "periodic"])

@@ -280,6 +280,11 @@ def _solve_by_multigrid(
         isolated = _isolated_nodes(stencil, keep)
     if isolated is not None and smallest < RESOLVED_LINK:
         through = nodes_reached(stencil.along, stencil.across, RESOLVED_LINK) == BOTH_ENDS
+        if not through.any():
+            raise NotConverged(
+                f"flow: every path contains a link below {RESOLVED_LINK:g} of the largest conductance, which is too "
+                "narrow for multigrid; try the solver 'elimination'",
+            )
     lower_bound = 0.0
     with closed_in_place(stencil, through, RESOLVED_LINK):
         solution = solve_multigrid(stencil, rtol, limit, isolated, field_rtol)
