@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
-from test_contact_law import rough
+from plastic_contacts import yielding_face
 
 from femseal.base import InputError
 from femseal.contact import (
@@ -28,7 +28,7 @@ UNLOADING = (0.02 * H, 0.1 * H, 0.15 * H, 0.3 * H)
 RTOL = 1e-9
 
 
-GAP = rough(SHAPE)
+GAP = yielding_face(SHAPE)
 
 
 def alone(gap, pressure, hardness=H, deformation=None):

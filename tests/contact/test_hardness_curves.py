@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from contact_checks import least_energy
 from numpy.testing import assert_allclose, assert_array_equal
+from plastic_contacts import NIX_GAO, RTOL, STIFF, TABLE, D, E, H, solved_contact, yielding_face
 from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq, root
-from test_contact_law import RTOL, STIFF, STUDIED, TABLE, D, E, H, rough, solved
 
 import femseal as fs
 from femseal.contact import (
@@ -21,8 +21,7 @@ from femseal.contact.linear_laws import contact_law
 from femseal.contact.softer_body import SofterOf
 from femseal.topography import self_affine
 
-SOFT = STUDIED[-1]
-LAWS = [TABLE, SOFT, SofterOf(LinearHardening(0.2 * H, 0.02 * STIFF), PerfectlyPlastic(0.4 * H))]
+LAWS = [TABLE, NIX_GAO, SofterOf(LinearHardening(0.2 * H, 0.02 * STIFF), PerfectlyPlastic(0.4 * H))]
 LINE = LinearHardening(0.3 * H, 0.5 * STIFF)
 
 
@@ -31,7 +30,7 @@ def test_a_flat_face_yields_as_the_table_says(law):
     """Where every point carries the same pressure, H(u) is it: u by the inverse of the curve."""
     for fraction in (0.3, 0.95):
         mean = law.hardness[0] + fraction * (law.hardness[-1] - law.hardness[0])
-        contact = solved(np.zeros((8, 6)), law, mean)
+        contact = solved_contact(np.zeros((8, 6)), law, mean)
         assert_allclose(contact.pressure, mean, rtol=1e-8)
         curve = PchipInterpolator(law.depth, law.hardness)
         assert_allclose(curve(contact.plastic_deformation), mean, rtol=1e-8)
@@ -43,7 +42,7 @@ def test_beyond_its_ends_a_table_is_constant():
     assert_array_equal(law.hardening_modulus(np.array([0.0, 5e-9, 2e-8, 1.0])), 0.0)
     assert law.capacity == 2 * H
     with pytest.raises(fs.InputError, match=r"at most 8e\+09 Pa, the largest mean pressure"):
-        solved(np.zeros((4, 4)), law, 2.1 * H)
+        solved_contact(np.zeros((4, 4)), law, 2.1 * H)
 
 
 def by_root(k, gap, mean, law, start):
@@ -84,12 +83,12 @@ def by_minimiser(k, gap, mean, law):
 def test_curves_equal_an_independent_solution_by_scipy(law, dense_operator):
     shape = (8, 6)
     half_space = fs.HalfSpace(shape, (D, D), E, ("mirror", "periodic"))
-    gap = rough(shape, 0.4, seed=5)
+    gap = yielding_face(shape, 0.4, seed=5)
     for mean in (0.05 * H, 0.15 * H):
-        start = solved(gap, float(law.mean_hardness), mean, ("mirror", "periodic"))
+        start = solved_contact(gap, float(law.mean_hardness), mean, ("mirror", "periodic"))
         given = dense_operator(half_space), gap.ravel(), mean, law
-        p, u = by_minimiser(*given) if law is SOFT else by_root(*given, start)
-        contact = solved(gap, law, mean, ("mirror", "periodic"))
+        p, u = by_minimiser(*given) if law is NIX_GAO else by_root(*given, start)
+        contact = solved_contact(gap, law, mean, ("mirror", "periodic"))
         assert_allclose(contact.pressure.ravel(), p, rtol=0, atol=1e-6 * p.max())
         assert_allclose(contact.plastic_deformation.ravel(), u, rtol=0, atol=1e-6 * u.max())
         assert u.max() > 0
@@ -99,8 +98,8 @@ def test_curves_equal_an_independent_solution_by_scipy(law, dense_operator):
 def test_a_step_in_the_table_is_solved_however_steep(width):
     """Law and complementarity recomputed from the fields."""
     law = HardnessTable([0, 1e-8, 1e-8 + width, 1e-6], [0.25 * H, 0.25 * H, H, H])
-    gap = rough((32, 32))
-    contact = solved(gap, law, 0.1 * H, rtol=1e-7)
+    gap = yielding_face((32, 32))
+    contact = solved_contact(gap, law, 0.1 * H, rtol=1e-7)
     p, u = contact.pressure, contact.plastic_deformation
     assert_allclose(p.mean(), 0.1 * H, rtol=1e-9)
     g = contact.half_space.displacement(p) + gap - contact.approach
@@ -145,7 +144,7 @@ def on_its_curve(law, load, shape, modulus, roll_off):
 
 @pytest.mark.parametrize("law", LAWS, ids=["table", "Nix–Gao", "softer"])
 def test_a_peak_is_kept_and_reloading_is_elastic(law):
-    gap, body, peak = rough((32, 32)), fs.HalfSpace((32, 32), (D, D), E, "mirror"), 0.15 * H
+    gap, body, peak = yielding_face((32, 32)), fs.HalfSpace((32, 32), (D, D), E, "mirror"), 0.15 * H
     loads = {"loading": (peak,), "unload_from": (peak,), "unloading": (0.02 * H, 0.1 * H)}
     top, *down = load_cycle(gap, body, hardness=law, rtol=RTOL, **loads)
     left = top.contact.plastic_deformation
@@ -154,7 +153,7 @@ def test_a_peak_is_kept_and_reloading_is_elastic(law):
         assert_allclose(state.contact.plastic_deformation, left, rtol=0, atol=1e-6 * np.ptp(gap))
         assert state.yielded_again == 0
     kept = down[0].contact.plastic_deformation
-    again = solved(gap, law, peak, "mirror", deformation=kept)
+    again = solved_contact(gap, law, peak, "mirror", deformation=kept)
     assert_allclose(again.pressure, top.contact.pressure, rtol=0, atol=1e-6 * H)
     assert_allclose(again.gap, top.contact.gap, rtol=0, atol=1e-6 * np.ptp(gap))
 
@@ -181,10 +180,10 @@ def test_the_softer_face_yields_and_where_curves_cross_the_softer_at_each_depth(
     assert_allclose(both.yield_pressure(depth), [0.3 * H, 0.65 * H, H])
     assert_allclose(both.hardening_modulus(depth), [STIFF, STIFF, 0.0])
     assert both.capacity == H
-    gap = rough((32, 32))
-    contact = solved(gap, both, 0.15 * H)
+    gap = yielding_face((32, 32))
+    contact = solved_contact(gap, both, 0.15 * H)
     assert_allclose(contact.pressure.max(), H)
-    assert solved(gap, rising, 0.15 * H).pressure.max() > 1.5 * H
+    assert solved_contact(gap, rising, 0.15 * H).pressure.max() > 1.5 * H
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from contact_checks import least_energy, residual
 from numpy.testing import assert_allclose
+from rough_faces import rough_face
 
 from femseal import analytic
 from femseal.base import InputError, NotConverged, compiled
@@ -24,19 +25,6 @@ E = 115e9
 H = 4e9
 D = 1e-6
 PAIRS = list(itertools.product(("periodic", "mirror", "free"), repeat=2))
-
-
-def rough(shape, slope=0.2, seed=0, spacing=(D, D), cut=6):
-    """Self-affine heights of the given rms slope, waves longer than `cut` of the finer pixels."""
-    q = np.hypot(*np.ix_(*map(np.fft.fftfreq, shape, spacing)))
-    roll_off = 4 / np.max(np.multiply(shape, spacing))
-    waves = (q > 0) & (q * min(spacing) <= 1 / cut)
-    amplitude = np.where(waves, np.maximum(q, roll_off) ** -1.8, 0.0)
-    noise = np.random.default_rng(seed).standard_normal(shape)
-    h = np.fft.ifft2(np.fft.fft2(noise) * amplitude).real
-    slopes = [np.diff(h, axis=a) / spacing[a] for a in (0, 1)]
-    rms = np.sqrt(sum((s**2).mean() for s in slopes if s.size))
-    return h * slope / rms if rms > 0 else 0 * h
 
 
 def orders(errors):
@@ -168,7 +156,7 @@ def test_flat_punch_on_a_free_patch():
 
 @pytest.mark.parametrize("boundary", PAIRS)
 def test_no_load_is_first_touch(boundary):
-    h, body = rough((14, 11)), HalfSpace((14, 11), (D, D), E, boundary)
+    h, body = rough_face((14, 11)), HalfSpace((14, 11), (D, D), E, boundary)
     contact = solve_contact(h, body, pressure=0, hardness=H)
     assert_allclose(contact.gap, h - h.min(), rtol=0, atol=1e-15)
     assert_allclose(contact.approach, h.min(), rtol=1e-15)
@@ -178,7 +166,7 @@ def test_no_load_is_first_touch(boundary):
 
 @pytest.mark.parametrize("boundary", PAIRS)
 def test_the_hardness_as_pressure_is_all_plastic(boundary, dense_operator):
-    h, body = rough((8, 9)), HalfSpace((8, 9), (D, D), E, boundary)
+    h, body = rough_face((8, 9)), HalfSpace((8, 9), (D, D), E, boundary)
     hardness = np.random.default_rng(1).uniform(0.5, 1.5, (8, 9)) * H
     contact = solve_contact(h, body, pressure=float(np.mean(hardness)), hardness=hardness)
     assert_allclose(contact.pressure, hardness, rtol=1e-15)
@@ -196,7 +184,7 @@ def test_the_hardness_as_pressure_is_all_plastic(boundary, dense_operator):
 @pytest.mark.parametrize("hardness", [H, np.inf])
 def test_complementarity_recomputed(boundary, share, hardness, spectral_displacement):
     shape, spacing = (90, 64), (D, 1.5 * D)
-    h = rough(shape, spacing=spacing, seed=3)
+    h = rough_face(shape, spacing=spacing, seed=3)
     body = HalfSpace(shape, spacing, E, boundary)
     contact = solve_contact(h, body, pressure=share * H, hardness=hardness, rtol=1e-8)
     assert residual(contact, h, spectral_displacement, hardness) <= 1.01e-8
@@ -219,7 +207,7 @@ def test_complementarity_recomputed(boundary, share, hardness, spectral_displace
 def test_equals_an_independent_solver(boundary, share, hardness, dense_operator):
     shape, spacing = (6, 7), (D, 1.7 * D)
     body = HalfSpace(shape, spacing, E, boundary)
-    h = rough(shape, 0.15, seed=5, spacing=spacing, cut=3)
+    h = rough_face(shape, 0.15, seed=5, spacing=spacing, cut=3)
     if hardness == "field":
         hardness = 0.3 * H * np.random.default_rng(6).uniform(0.5, 1.5, shape)
     mean = share * float(np.mean(np.minimum(hardness, 0.3 * H)))
@@ -259,7 +247,7 @@ def both(h, half_space, p=0.1 * H, hardness=H, rtol=1e-10, **other):
 )
 @pytest.mark.parametrize("shape", [(32, 24), (27, 31)])
 def test_mirror_equals_the_periodic_even_extension(mirror, periodic, shape):
-    whole = h = rough(shape, seed=8)
+    whole = h = rough_face(shape, seed=8)
     for axis, kind in enumerate(mirror):
         if kind == "mirror":
             whole = np.concatenate([whole, np.flip(whole, axis)], axis)
@@ -275,7 +263,7 @@ def test_mirror_equals_the_periodic_even_extension(mirror, periodic, shape):
 )
 def test_an_offset_changes_the_approach_only(boundary):
     # in metres, with lengths of metres, so that an offset of 1e6 leaves ten digits of the heights
-    h = rough((40, 30), spacing=(1.0, 1.0))
+    h = rough_face((40, 30), spacing=(1.0, 1.0))
     half_space = HalfSpace((40, 30), (1.0, 1.0), E, boundary)
     here, far = both(h, half_space), both(h + 1e6, half_space)
     assert_allclose(far.pressure, here.pressure, rtol=0, atol=1e-8 * H)
@@ -303,7 +291,7 @@ LAWS = {
 )
 def test_large_grids_change_digits_only_and_threads_not_even_these(law, boundary, monkeypatch):
     given = LAWS[law] | {"rtol": 1e-10}
-    h, body = rough((96, 96)), HalfSpace((96, 96), (D, D), E, boundary)
+    h, body = rough_face((96, 96)), HalfSpace((96, 96), (D, D), E, boundary)
     whole = solve_contact(h, body, **given)
     with monkeypatch.context() as patch:
         patch.setattr(convolution, "LARGE", 48**2)
@@ -330,7 +318,7 @@ def test_large_grids_change_digits_only_and_threads_not_even_these(law, boundary
 def test_products_in_single_precision_leave_no_error(hardness, boundary, monkeypatch):
     """Displacements of the returned pressure in double precision give the same gap and residual at any tolerance."""
     shape = (160, 128)
-    h, body = rough(shape, seed=5), HalfSpace(shape, (D, D), E, boundary)
+    h, body = rough_face(shape, seed=5), HalfSpace(shape, (D, D), E, boundary)
     products = []
     apply = convolution.Convolution.apply
 
@@ -360,11 +348,12 @@ def test_products_in_single_precision_leave_no_error(hardness, boundary, monkeyp
 
 
 def test_solutions_do_not_depend_on_those_before_and_leave_what_is_given():
-    half_space, h, hardness = HalfSpace((40, 40), (D, D), E), rough((40, 40)), np.full((40, 40), H)
+    half_space, h = HalfSpace((40, 40), (D, D), E), rough_face((40, 40))
+    hardness = np.full((40, 40), H)
     before = h.copy()
     fresh = solve_contact(h, half_space, pressure=0.1 * H, hardness=hardness)
     kept = fresh.pressure.copy()
-    solve_contact(rough((40, 40), seed=3), half_space, pressure=0.9 * H, hardness=H)
+    solve_contact(rough_face((40, 40), seed=3), half_space, pressure=0.9 * H, hardness=H)
     again = solve_contact(h, half_space, pressure=0.1 * H, hardness=hardness)
     assert np.array_equal(again.pressure, fresh.pressure)
     assert np.array_equal(again.gap, fresh.gap)
@@ -375,7 +364,7 @@ def test_solutions_do_not_depend_on_those_before_and_leave_what_is_given():
 
 def test_bodies_that_differ_in_their_modulus_share_their_arrays():
     """Scaled alike, pressures are in proportion to the modulus, and no grid is made for another one."""
-    h = rough((40, 40))
+    h = rough_face((40, 40))
     soft, hard = (HalfSpace((40, 40), (D, D), factor * E) for factor in (1, 2))
     one = solve_contact(h, soft, pressure=1e8, hardness=H, rtol=1e-9)
     arrays = workspace.workspace(soft).arrays
@@ -401,7 +390,7 @@ def test_arrays_of_the_grids_used_least_recently_are_released(monkeypatch):
 def test_steps_become_monotone_where_active_sets_go_round_in_circles(monkeypatch):
     """Bars of 1:19 pixels: without the line search the sets repeat for ever; rising energies end that early."""
     shape, spacing = (12, 21), (D, 19 * D)
-    h, body = rough(shape, 0.125, 1, spacing), HalfSpace(shape, spacing, E)
+    h, body = rough_face(shape, 0.125, 1, spacing), HalfSpace(shape, spacing, E)
     contact = solve_contact(h, body, pressure=0.09375 * H, hardness=H, rtol=1e-9)
     assert contact.iterations < 60
     assert residual(contact, h, hardness=H) <= 1.001e-9
@@ -413,7 +402,7 @@ def test_steps_become_monotone_where_active_sets_go_round_in_circles(monkeypatch
 
 def test_monotone_steps_take_over_without_a_product_in_vain(monkeypatch):
     """They compute the displacement of the pressure that they take over by themselves."""
-    h, body = rough((24, 24)), HalfSpace((24, 24), (D, D), E)
+    h, body = rough_face((24, 24)), HalfSpace((24, 24), (D, D), E)
 
     def no_step(grid, problem, delta, rtol, limit):
         return descent.Solution(delta, residual=0.0, iterations=0, products=0)
@@ -431,7 +420,7 @@ def test_monotone_steps_take_over_without_a_product_in_vain(monkeypatch):
 @pytest.mark.parametrize("hardness", [np.inf, 0.02 * E])
 def test_slender_surfaces_take_no_more_products_than_their_length_needs(shape, hardness):
     """Two hundred where they took up to fourteen hundred."""
-    h = rough(shape, 0.1, seed=1, cut=12)
+    h = rough_face(shape, 0.1, seed=1, cut=12)
     contact = solve_contact(h, HalfSpace(shape, (D, D), E), pressure=0.001 * E, hardness=hardness)
     assert residual(contact, h, hardness=hardness) <= 1.01e-6
     assert contact.fft_pairs <= 1.4 * np.sqrt(max(shape))
@@ -440,7 +429,7 @@ def test_slender_surfaces_take_no_more_products_than_their_length_needs(shape, h
 @pytest.mark.parametrize("kind", ["periodic", "mirror"])
 @pytest.mark.parametrize("rows", [2, 3])
 def test_a_profile_is_the_surface_that_repeats_it(kind, rows):
-    h = rough((1, 4096), 0.1, seed=2)
+    h = rough_face((1, 4096), 0.1, seed=2)
     given = {"pressure": 0.001 * E, "hardness": 0.02 * E, "rtol": 1e-9}
     line = solve_contact(h, HalfSpace((1, 4096), (D, D), E, kind), **given)
     sheet = np.repeat(h, rows, axis=0)
@@ -471,7 +460,7 @@ def test_corrected_area_of_spheres_is_nearer_to_hertz():
 def test_correction_counts_the_sides_between_contact_and_gap(boundary):
     shape = (13, 9)
     body = HalfSpace(shape, (D, D), E, boundary)
-    contact = solve_contact(rough(shape, cut=2), body, pressure=0.2 * H, hardness=H)
+    contact = solve_contact(rough_face(shape, cut=2), body, pressure=0.2 * H, hardness=H)
     touching = contact.pressure > 0
     sides = 0
     for axis, kind in enumerate(boundary):
@@ -491,7 +480,7 @@ def test_area_of_light_elastic_contact_grows_with_the_load_between_two_theories(
     n, slope = 192, 0.1
     shares = []
     for seed in range(4):
-        h = rough((n, n), slope, seed, cut=24)
+        h = rough_face((n, n), slope, seed, cut=24)
         # the rms of finite differences is a little less than that of the slope
         contact = solve_contact(h, HalfSpace((n, n), (D, D), E), pressure=0.02 * E * slope)
         shares.append(contact.area_fraction_corrected / 0.02)
@@ -511,7 +500,7 @@ def test_a_spike_carries_all(boundary):
 
 
 def test_almost_full_contact(spectral_displacement):
-    h, half_space = rough((64, 64)), HalfSpace((64, 64), (D, D), E)
+    h, half_space = rough_face((64, 64)), HalfSpace((64, 64), (D, D), E)
     q = 2 * np.pi * np.hypot(*np.ix_(*[np.fft.fftfreq(64, D)] * 2))
     # the pressure that flattens all, less its mean
     full = -np.fft.ifft2(np.fft.fft2(h) * E * q / 2).real
@@ -532,7 +521,7 @@ def test_just_below_the_hardness(shape, share):
     hardness[-1], hardness[:, -1] = 0.1 * H, 0.1 * H
     p = share * hardness.mean()
     body = HalfSpace(shape, (D, D), E)
-    contact = solve_contact(rough(shape), body, pressure=p, hardness=hardness)
+    contact = solve_contact(rough_face(shape), body, pressure=p, hardness=hardness)
     assert_allclose(contact.mean_pressure, p, rtol=1e-12)
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from gaps_of_cells import cut_by_plane, gap_between_pixels
 from numpy.testing import assert_allclose
 from scipy import ndimage
 from scipy.sparse.linalg import spsolve
@@ -21,20 +22,6 @@ from femseal.flow.solvers import choice
 
 D = 1e-6
 SIDES = ("mirror", "periodic")
-
-
-def rough(shape, seed=0, cut=8):
-    rng = np.random.default_rng(seed)
-    q = np.hypot(np.fft.fftfreq(shape[0])[:, None], np.fft.fftfreq(shape[1])[None, :])
-    amplitude = np.where((q > 0) & (q <= 1 / cut), np.maximum(q, 4 / max(shape)) ** -1.8, 0.0)
-    h = np.fft.ifft2(np.fft.fft2(rng.standard_normal(shape)) * amplitude).real
-    return h / h.std() * D
-
-
-def cut_by_plane(shape, contact_fraction, seed=0, cut=8):
-    """Gap above a plane that touches a given share of a rough surface."""
-    h = rough(shape, seed, cut)
-    return np.maximum(h - np.quantile(h, contact_fraction), 0.0)
 
 
 @BilinearForm
@@ -142,24 +129,13 @@ def test_flow_along_westergaard_grooves(ratio):
     assert order(errors) >= 1.9
 
 
-def midway(before, a, b, after):
-    """The documented gap between pixels a and b: a limited cubic."""
-    smaller = np.minimum(a, b)
-    bends = np.stack([before - 2 * a + b, a - 2 * b + after])
-    cubic = (a + b) / 2 - bends.sum(axis=0) / 16
-    least = np.maximum(bends.min(axis=0), 0)
-    limited = (a + b) / 2 - (least + np.minimum(bends.max(axis=0), 4 * least)) / 16
-    middle = np.maximum(cubic, np.minimum(limited, 0.88 * smaller))
-    return np.clip(middle, 0.1 * smaller, 4 * smaller)
-
-
 def series(h, d1, d2, width):
     """k of a column of pixels by the documented link: half links at the ends, cubic mid-link gap, limiter."""
     padded = np.concatenate([h[1::-1], h, h[:-3:-1]])
     resistance = 0.0
     for i in range(1, padded.size - 2):
         a, b = padded[i], padded[i + 1]
-        middle = midway(padded[i - 1], a, b, padded[i + 2])
+        middle = gap_between_pixels(padded[i - 1], a, b, padded[i + 2])
         length = d1 / 2 if i in (1, padded.size - 3) else d1
         resistance += 12 * length / (middle**3 * d2 * width)
     return h.size * d1 / (width * d2) / resistance

@@ -2,13 +2,11 @@
 
 import numpy as np
 import pytest
+from gaps_of_cells import cut_by_plane, gap_between_pixels
 from numpy.testing import assert_allclose
-from test_cell_flow import cut_by_plane, k_of, midway
 
 from femseal.base import NotConverged
-from femseal.flow import (
-    permeability_tensor,
-)
+from femseal.flow import cell_permeability, permeability_tensor
 
 D = 1e-6
 
@@ -18,7 +16,7 @@ def test_tensor_of_flat_gap_and_stripes():
     assert_allclose(flat, np.eye(2) * D**3 / 12, rtol=1e-12, atol=1e-12 * D**3)
     h = np.repeat([1e-6, 2e-6, 5e-7], 8)
     along = permeability_tensor(np.broadcast_to(h, (6, h.size)), (D, 2 * D))
-    middle = midway(np.roll(h, 1), h, np.roll(h, -1), np.roll(h, -2))
+    middle = gap_between_pixels(np.roll(h, 1), h, np.roll(h, -1), np.roll(h, -2))
     expected = np.diag([np.mean(h**3 / 12), 1 / np.mean(12 / middle**3)])
     assert_allclose(along, expected, rtol=1e-12, atol=1e-12 * D**3)
 
@@ -45,7 +43,7 @@ def test_tensor_of_an_even_cell_is_the_mirrored_permeability():
     h = cut_by_plane((14, 12), 0.15, seed=8, cut=5)
     even = np.block([[h, h[:, ::-1]], [h[::-1], h[::-1, ::-1]]])
     k = permeability_tensor(even, (D, 2 * D))
-    expected = [k_of(h, (D, 2 * D), axis=a) for a in (0, 1)]
+    expected = [cell_permeability(h, (D, 2 * D), axis=a).value for a in (0, 1)]
     assert_allclose(k, np.diag(expected), rtol=1e-9, atol=1e-10 * np.trace(k))
 
 
@@ -87,7 +85,7 @@ def test_a_tensor_is_right_or_refused_at_any_contrast(decades):
         h[:, 2] = D * 10.0 ** np.random.default_rng([5, seed]).uniform(-decades, 0, 40)
         wrapped = np.pad(h[:, 2], 2, mode="wrap")
         a, b = wrapped[1:-2], wrapped[2:-1]
-        middle = midway(wrapped[:-3], a, b, wrapped[3:])[1:]
+        middle = gap_between_pixels(wrapped[:-3], a, b, wrapped[3:])[1:]
         exact = 1 / np.mean(12 / middle**3) / 5
         try:
             found = permeability_tensor(h, (D, D))[0, 0]
