@@ -214,9 +214,8 @@ def _repair_face(case: Case, table: Face, key: str, rng: np.random.Generator) ->
         check_memory_of_points(f"{key}.points", table.points)
     with errors_with_keys(FACE_KEYS, key):
         maps = [map_table.make(case.folder, rng) for map_table in table.maps(case.folder)]
-    spikes = (
-        case.surface.spikes if is_measured else inf
-    )  # no spikes are removed from generated maps
+    # no spikes are removed from generated maps
+    spikes = case.surface.spikes if is_measured else inf
     # if `repair` rejects its argument "heights", the error is about the table of this face
     with errors_with_keys(SURFACE_KEYS | {"heights": key}):
         treatment = _treatment(case, spikes, is_measured)

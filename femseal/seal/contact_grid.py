@@ -125,9 +125,8 @@ class ContactGrid:
         from scipy.sparse import csr_array
         from scipy.spatial import cKDTree
 
-        cells_on_seal = np.flatnonzero(
-            tile >= 0
-        )  # indices of the grid cells on the seal, row by row
+        # indices of the grid cells on the seal, row by row
+        cells_on_seal = np.flatnonzero(tile >= 0)
         tiles_without_cell = np.setdiff1d(np.arange(tiles.count), tile)
         tree = cKDTree(points.reshape(-1, 2)[cells_on_seal])
         _, nearest = tree.query(tiles.middles[tiles_without_cell])

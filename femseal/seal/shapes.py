@@ -320,9 +320,8 @@ class AnnularSeal(PeriodicSeal):
     def __post_init__(self) -> None:
         for name in ("inner_radius", "outer_radius"):
             object.__setattr__(self, name, validate.number(name, getattr(self, name), unit="m"))
-        Ring(
-            self.inner_radius, self.outer_radius, self.inlet
-        )  # raises an InputError if they are invalid
+        # raises an InputError if they are invalid
+        Ring(self.inner_radius, self.outer_radius, self.inlet)
         object.__setattr__(self, "cells", validate.grid("cells", self.cells))
 
     @property

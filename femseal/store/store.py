@@ -129,9 +129,8 @@ class Store:
         except NoDigest:
             yield from mapper(stage, *iterables)
             return
-        pending: deque[_Pending] = (
-            deque()
-        )  # requested items in their order, without a yielded result
+        # requested items in their order, without a yielded result
+        pending: deque[_Pending] = deque()
         # the generator fills `pending` whenever the mapper requests an item
         items = self._items_to_compute(zip(*iterables, strict=False), key_of, pending)
         # the mapper takes one iterable for each argument of the stage

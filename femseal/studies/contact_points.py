@@ -6,6 +6,7 @@ represents a cell of a large surface.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import NamedTuple
@@ -21,6 +22,8 @@ from .rough_layer import RoughLayer
 
 #: Relative change of the pressures at which the iteration has converged, and largest number of iterations.
 _RTOL, _MOST_ITERATIONS = 1e-5, 5000
+#: Accepted relative error of the load if all points in contact yield.
+_LOAD_TOLERANCE = 1e-9
 #: The slope of the energy along a step of the iteration changes its sign if the step is too long. A slope at the end of
 #: up to this fraction of the slope at the start is accepted. If the slope at the end is larger, a shorter step is
 #: computed with the same relative accuracy.
@@ -171,6 +174,10 @@ class ContactPoints:
             residual = depth + self.displacement(p) - separation
             free = (p > 0) & (p < yield_pressure)
             if not free.any():
+                if p.mean() < load * (1 - _LOAD_TOLERANCE):
+                    _press_further_points(p, residual + separation - touch, yield_pressure, load)
+                    previous_norm = 0.0
+                    continue
                 free = p > 0
             # The approach of the bodies is unknown. The approach is chosen so that the weighted mean residual vanishes.
             residual -= weight[free] @ residual[free] / weight[free].sum()
@@ -188,23 +195,15 @@ class ContactPoints:
                 separation = np.where(p > 0, separation, touch + opening)
                 return PointSolution(p, separation, opening, sunk + sinks)
             correction[~free] = 0.0
-            norm = -float(
-                residual @ correction
-            )  # squared norm of the residual, with the preconditioner as weight
-            beta = (
-                norm / previous_norm if previous_norm else 0.0
-            )  # Fletcher-Reeves; 0 restarts the iteration
+            # squared norm of the residual, with the preconditioner as weight
+            norm = -float(residual @ correction)
+            # Fletcher-Reeves; 0 restarts the iteration
+            beta = norm / previous_norm if previous_norm else 0.0
             direction = correction + beta * np.where(free, direction, 0.0)
-            direction_displacement = self.displacement(direction)
-            slope_at = partial(
-                _energy_slope, p, direction, residual + separation, direction_displacement, layer
-            )
-            curvature = float((direction_displacement - slope * direction) @ direction)
-            length = -float(residual @ direction) / curvature
-            # Where the rough layer becomes stiffer along the step, for example near the yield pressure of the bodies,
-            # the curvature at the start of the step makes the step too long.
-            if slope_at(length) > -_OVERSHOT * slope_at(0.0):
-                length = float(brentq(slope_at, 0.0, length, rtol=_OVERSHOT))
+            # if the free points are in equilibrium, only the pressures of the freed points change
+            length = 1.0
+            if norm > 0:
+                length = self._step_length(p, direction, residual, (separation, slope), layer)
             p = np.clip(p + length * direction, 0.0, yield_pressure)
             freed_pressure = p[freed] - length * weight[freed] * residual[freed]
             p[freed] = np.clip(freed_pressure, 0.0, yield_pressure)
@@ -216,14 +215,63 @@ class ContactPoints:
         text = f"contact of the seal with its form: the pressure of its cells still changes by {change:.1e}"
         raise NotConverged(text, change)
 
+    def _step_length(
+        self,
+        p: Array,
+        direction: Array,
+        residual: Array,
+        layer_at_p: tuple[Array, Array],
+        layer: LayerLaw,
+    ) -> float:
+        """Compute the length of a step in a search direction, as a multiple of `direction`, that minimises the energy.
+
+        Parameters
+        ----------
+        p, direction : array (n,), Pa
+            Pressures at the start of the step, and search direction.
+        residual : array (n,), m
+            Distance of the smooth bodies at the pressures p, minus the separation of the rough layer.
+        layer_at_p : tuple of two arrays (n,)
+            Separation s [m] and ds/dp [m/Pa] of the rough layer at the pressures p.
+        layer : callable
+            Function that returns s and ds/dp at other pressures.
+        """
+        separation, slope = layer_at_p
+        direction_displacement = self.displacement(direction)
+        slope_at = partial(
+            _energy_slope, p, direction, residual + separation, direction_displacement, layer
+        )
+        curvature = float((direction_displacement - slope * direction) @ direction)
+        length = -float(residual @ direction) / curvature
+        # Where the rough layer becomes stiffer along the step, for example near the yield pressure of the bodies, the
+        # curvature at the start of the step makes the step too long.
+        if slope_at(length) > -_OVERSHOT * slope_at(0.0):
+            length = float(brentq(slope_at, 0.0, length, rtol=_OVERSHOT))
+        return length
+
+
+def _press_further_points(p: Array, distance: Array, yield_pressure: float, load: float) -> None:
+    """Bring further points into contact, because all points in contact yield and do not carry the load.
+
+    p : pressures of the points (n,) [Pa], to which the missing pressures are added; their mean becomes `load`.
+    distance : distance of each point (n,) from contact [m], apart from a constant.
+    """
+    missing_load = load * p.size - p.sum()
+    separated = np.flatnonzero(p == 0)
+    count = math.ceil(missing_load / yield_pressure)
+    closest = separated[np.argsort(distance[separated], kind="stable")[:count]]
+    p[closest] = missing_load / count
+
 
 def _scale_to_load(p: Array, is_free: Flags, load: float) -> Array:
     """Scale the pressures of the free points, so that the mean pressure of all points becomes `load`.
 
-    Free points are in contact and do not yield. Without free points, the pressures of all points in contact are scaled.
+    Free points are in contact and do not yield. If there are no free points, or if the points that yield carry more
+    than the load, the pressures of all points in contact are scaled.
     """
-    scaled = is_free if is_free.any() else p > 0
-    p[scaled] *= max(0.0, load * p.size - p[~scaled].sum()) / p[scaled].sum()
+    remaining_load = load * p.size - p[~is_free].sum()
+    scaled = is_free if is_free.any() and remaining_load > 0 else p > 0
+    p[scaled] *= (load * p.size - p[~scaled].sum()) / p[scaled].sum()
     return p
 
 

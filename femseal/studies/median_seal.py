@@ -174,13 +174,11 @@ def find_median_realisation(leakage: Array) -> int | None:
 
     leakage : leakage of each realisation at each load step (realisations, steps).
     """
-    solved_steps = np.isfinite(leakage).any(
-        axis=0
-    )  # steps at which at least one realisation was solved
+    # steps at which at least one realisation was solved
+    solved_steps = np.isfinite(leakage).any(axis=0)
     magnitude = np.abs(leakage[:, solved_steps])  # (realisation, step)
-    is_complete = np.isfinite(magnitude).all(
-        axis=1
-    )  # realisations that were solved at all of these steps
+    # realisations that were solved at all of these steps
+    is_complete = np.isfinite(magnitude).all(axis=1)
     if not magnitude.size or not is_complete.any():
         return None
     median = np.median(magnitude[is_complete], axis=0)

@@ -149,9 +149,8 @@ class Difficulty:
         detours = np.where(np.isnan(state.detours), _SEALED_DETOURS, state.detours)
         contact = state.contact_fraction
         # factors that are the same for the lower and the upper end, see the formula in the docstring of the class
-        light_contact = 1 + self.light / (
-            contact + 0.003
-        )  # 0.003 limits the factor as A approaches 0
+        # 0.003 limits the factor as A approaches 0
+        light_contact = 1 + self.light / (contact + 0.003)
         common = error_of_few_carriers(carriers) * light_contact
         below = common * np.exp(self.below * contact) * (1 + self.detours_below * detours)
         above = common * np.exp(self.above * contact) * (1 + self.detours_above * detours)
@@ -251,9 +250,8 @@ class IntervalWidths:
         # The interval may miss the fraction 1 − f of the true leakages: (1 − f)/2 at each of its two ends. The other
         # 1 − (1 − f)/2 = (1 + f)/2 of the scores must be below the quantile.
         fraction = (1 + difficulty.fraction) / 2
-        is_open = (
-            leakage > 0
-        )  # a sealed state has no ln(leakage); its interval is calibrated by `sealed_end`
+        # a sealed state has no ln(leakage); its interval is calibrated by `sealed_end`
+        is_open = leakage > 0
         below = weighted_quantile(score_below[is_open], scene[is_open], fraction)
         above = weighted_quantile(score_above[is_open], scene[is_open], fraction)
         return cls(

@@ -100,9 +100,8 @@ class RoughLayer:
         # The first and the last fraction of `_RELEASED` are not solved.
         gap_on_unloading = gap_on_unloading.reshape(peaks.size, _RELEASED.size - 2)
         gap_at_peak = gap_on_loading[np.searchsorted(loading, peaks), None]  # (peak, 1)
-        recovery = np.zeros(
-            (peaks.size, _RELEASED.size)
-        )  # (peak, fraction); 0 at the peak pressure
+        # (peak, fraction); 0 at the peak pressure
+        recovery = np.zeros((peaks.size, _RELEASED.size))
         recovery[:, 1:-1] = gap_on_unloading - gap_at_peak
         # As the pressure falls, the recovery grows in proportion to −ln(pressure), which has no limit at pressure 0.
         # The recovery at pressure 0 is therefore set to the recovery extrapolated to 1/e times the lowest solved
@@ -177,9 +176,8 @@ class RoughLayer:
         safe_peak = np.maximum(peak, 1e-9 * self.peaks[0])  # for the logarithm and the division
         # position of each peak pressure among the tabulated ones, such as 0.5 midway between the first two
         position = np.interp(np.log(safe_peak), np.log(self.peaks), np.arange(self.peaks.size))
-        lower_peak = np.minimum(
-            position.astype(int), self.peaks.size - 2
-        )  # index of the next lower tabulated peak
+        # index of the next lower tabulated peak
+        lower_peak = np.minimum(position.astype(int), self.peaks.size - 2)
         weight_of_upper = position - lower_peak
         # Interval n lies between the fractions n and n + 1. `_RELEASED` decreases, but `searchsorted` needs increasing
         # values, so that both arguments change their sign.

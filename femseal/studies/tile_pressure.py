@@ -66,9 +66,8 @@ def distinct_paths(fractions: Array) -> tuple[Array, Indices]:
     ).any()  # the fraction of a tile varies with the load step
     most_paths = MOST_OF_SEVERAL if has_several_maps else MOST_PATHS
     rounded = fractions  # (step, tile); tiles with equal columns share a path; not rounded at first
-    value_count = float(
-        MOST_PATHS
-    )  # number of equidistant values to which the cube roots are rounded
+    # number of equidistant values to which the cube roots are rounded
+    value_count = float(MOST_PATHS)
     while True:
         _, path_of_tile = np.unique(rounded, axis=1, return_inverse=True)
         path_of_tile = path_of_tile.reshape(-1)
