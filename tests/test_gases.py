@@ -3,13 +3,11 @@
 import re
 import sys
 from dataclasses import replace
-from importlib.util import find_spec
-from itertools import pairwise
 
 import numpy as np
 import pytest
+from coolprop_gases import LEFT_OUT, needs_coolprop, potential_by_quadrature, potential_drop
 from numpy.testing import assert_allclose
-from scipy.integrate import quad
 from small_cases import CASE, steel_scene
 
 import femseal as fs
@@ -20,10 +18,6 @@ from femseal.fluids import FLUIDS, potential_of
 from femseal.named_fluids import FLUID_TABLE, named_fluid
 from femseal.studies import FluidState
 from femseal.studies.other_fluid import limit_factors
-
-needs_coolprop = pytest.mark.skipif(
-    find_spec("CoolProp") is None, reason="the extra femseal[fluids] is not installed"
-)
 
 
 def test_a_table_that_does_not_resolve_a_gas_ends(monkeypatch):
@@ -37,23 +31,6 @@ def test_a_table_that_does_not_resolve_a_gas_ends(monkeypatch):
     monkeypatch.setattr(gases, "_highest_pressure", lambda name, t: (1e8, False))
     with pytest.raises(NotConverged, match="10,000 pressures do not resolve density and viscosity"):
         gases._table("noise", 300.0)
-
-
-LEFT_OUT = {"CoolProp": None, "CoolProp.CoolProp": None}
-
-
-def by_quadrature(name, temperature, pressure):
-    """∫ρ/η dp of CoolProp's high-level functions."""
-    from CoolProp.CoolProp import PropsSI
-
-    def mobility(p):
-        density, viscosity = (PropsSI(letter, "T", temperature, "P", p, name) for letter in "DV")
-        return density / viscosity
-
-    edges = np.geomspace(1e-4 * pressure, pressure, 9)
-    thin = 0.5 * mobility(edges[0]) * edges[0]  # ρ/η goes with p there
-    parts = [quad(mobility, a, b, epsabs=0, epsrel=1e-9, limit=200)[0] for a, b in pairwise(edges)]
-    return thin + sum(parts)
 
 
 @needs_coolprop
@@ -71,7 +48,7 @@ def by_quadrature(name, temperature, pressure):
 def test_potential_agrees_with_a_quadrature(name, temperature, highest):
     gas, rng = fs.RealGas(name, temperature), np.random.default_rng(1)
     for p in np.exp(rng.uniform(np.log(1e4), np.log(highest), 4)):
-        assert_allclose(gas.potential(p), by_quadrature(name, temperature, p), rtol=1e-6)
+        assert_allclose(gas.potential(p), potential_by_quadrature(name, temperature, p), rtol=1e-6)
     p = np.append(np.geomspace(1e-3, highest, 50), 0.0)
     assert_allclose(gas.pressure(gas.potential(p)), p, rtol=1e-9)
     assert_allclose(gas.slope(p[:-1]), gas.density_at(p[:-1]) / gas.viscosity_at(p[:-1]), rtol=1e-5)
@@ -81,7 +58,7 @@ def test_potential_agrees_with_a_quadrature(name, temperature, highest):
 @pytest.mark.parametrize("name", ["nitrogen", "hydrogen", "methane"])
 def test_a_dense_gas_agrees_with_a_quadrature_and_a_thin_one_is_ideal(name):
     real = fs.RealGas(name)
-    assert_allclose(real.potential(7e7), by_quadrature(name, 293.15, 7e7), rtol=1e-6)
+    assert_allclose(real.potential(7e7), potential_by_quadrature(name, 293.15, 7e7), rtol=1e-6)
     ideal = fs.IdealGas(float(real.viscosity_at(1.0)), real.molar_mass, 293.15)
     ratio = [float(real.potential(p) / ideal.potential(p)) for p in (1e3, 1e4, 1e5)]
     assert_allclose(ratio, 1, rtol=1e-3)
@@ -108,10 +85,6 @@ def scene(fluid, inlet, outlet=1e5):
     return steel_scene(face, fluid=fluid, loading=(3e7,), **ends)
 
 
-def drop(gas, inlet, outlet):
-    return float(gas.potential(inlet) - gas.potential(outlet))
-
-
 @needs_coolprop
 @pytest.mark.parametrize("slip", [False, True])
 @pytest.mark.parametrize("method", ["deterministic", "two-scale", "stochastic"])
@@ -127,9 +100,13 @@ def test_every_method_accepts_a_real_gas_and_conserves_mass(method, slip):
     dense, low, ideal = (np.ravel(solve(one).leakage)[-1] for one in scenes)
     assert dense > 0
     assert_allclose(low, ideal, rtol=1e-3)
-    assert drop(real, 7e7, 1e5) < 0.75 * drop(thin, 7e7, 1e5)
+    assert potential_drop(real, 7e7, 1e5) < 0.75 * potential_drop(thin, 7e7, 1e5)
     if not slip:  # one conductance for all fluids
-        assert_allclose(dense / drop(real, 7e7, 1e5), ideal / drop(thin, 2e4, 1e4), rtol=1e-9)
+        assert_allclose(
+            dense / potential_drop(real, 7e7, 1e5),
+            ideal / potential_drop(thin, 2e4, 1e4),
+            rtol=1e-9,
+        )
 
 
 @needs_coolprop
@@ -242,17 +219,15 @@ def test_a_real_test_gas_has_the_limits_of_the_ideal_gas_at_low_pressure():
 def test_the_error_of_the_ideal_gas_law_agrees_with_the_potentials(name):
     gas = fs.IdealGas(**FLUID_TABLE[name].parameters)
     for inlet in (2e6, 7e7):
-        real = by_quadrature(name, 293.15, inlet) - by_quadrature(name, 293.15, 1e5)
+        real = potential_by_quadrature(name, 293.15, inlet) - potential_by_quadrature(
+            name, 293.15, 1e5
+        )
         found = ideal_gas_error(gas, inlet, 1e5)
         assert found.name == name
-        assert_allclose(found.ratio, drop(gas, inlet, 1e5) / real, rtol=1e-5)
+        assert_allclose(found.ratio, potential_drop(gas, inlet, 1e5) / real, rtol=1e-5)
     with pytest.MonkeyPatch.context() as patch:
         for module in LEFT_OUT:
             patch.setitem(sys.modules, module, None)
         found = ideal_gas_error(gas, 2e6, 1e5)
         assert np.isnan(found.ratio)
         assert "is not installed" in found.reason
-
-
-def ideal(viscosity, molar_mass, temperature=293.15):
-    return fs.IdealGas(viscosity * 1e-6, molar_mass * 1e-3, temperature)

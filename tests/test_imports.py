@@ -1,6 +1,7 @@
 """Imports run upwards only and in no circle, however they are written; files are short and have names of their own.
 
 An import counts whether it is made at once, inside a function, for type checkers alone or by a string.
+Tests import no other tests.
 """
 
 import ast
@@ -16,6 +17,7 @@ import pytest
 import femseal
 
 ROOT = Path(femseal.__file__).parent
+TESTS = Path(__file__).parent
 #: From top to bottom: a module imports from its own room and from rooms above it. A room need not be there yet.
 ROOMS = (
     "base",
@@ -344,6 +346,30 @@ def test_a_faulty_case_is_refused_before_the_solvers_are_loaded(tmp_path):
     shown = loaded_after(code, "numba", "scipy.fft", "skfem", "xarray", "pandas", "rich")
     assert "perhaps meant: yield_stress" in shown
     assert shown.endswith("[]\n")
+
+
+def _imported_modules(path):
+    """Names of the modules that a file imports, at once or inside a function."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield node.module or ""
+
+
+def test_no_module_imports_a_module_of_tests():
+    """What several tests need is in a helper module, so that a test is understood without reading another one."""
+    imported = {
+        (path.name, name) for path in TESTS.rglob("*.py") for name in _imported_modules(path)
+    }
+    assert len(imported) > 1000
+    assert {(path, name) for path, name in imported if name.startswith("test_")} == set()
+
+
+def test_files_of_tests_have_names_of_their_own():
+    """They are imported without the name of their folder."""
+    names = Counter(path.name for path in TESTS.rglob("*.py"))
+    assert {name for name, count in names.items() if count > 1} == set()
 
 
 @pytest.mark.parametrize(

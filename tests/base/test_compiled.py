@@ -7,7 +7,7 @@ import pytest
 from numba import njit
 from numba.core import event
 from numba.core.errors import TypingError
-from test_machine import in_thread
+from own_thread import result_in_thread
 
 from femseal.base import compiled
 from femseal.base.compiled import on_threads, thread_count, using_threads
@@ -82,7 +82,7 @@ def test_compiled_code_contains_a_loop_over_rows_once(without_cache):
 
 def test_threads_are_those_of_the_caller():
     with using_threads(2):
-        assert (thread_count(), in_thread(thread_count)) == (2, 1)
+        assert (thread_count(), result_in_thread(thread_count)) == (2, 1)
         # a helper of a loop does not share its part again
         assert set(on_threads(2, lambda _: thread_count(), range(8))) <= {1, 2}
         with using_threads(3):

@@ -6,18 +6,10 @@ import threading
 
 import numpy as np
 import pytest
+from own_thread import result_in_thread
 
 from femseal.base.machine import within_free_memory
 from femseal.base.shared_arrays import shared_empty, sharing, storing
-
-
-def in_thread(function):
-    """What a function returns in a thread of its own."""
-    results = []
-    thread = threading.Thread(target=lambda: results.append(function()))
-    thread.start()
-    thread.join()
-    return results[0]
 
 
 @pytest.mark.skipif(not hasattr(os, "memfd_create"), reason="shared files are those of Linux")
@@ -27,7 +19,7 @@ def test_arrays_are_shared_by_the_caller_alone():
 
     with sharing(), storing(None, 1.0):
         assert kind() is np.memmap
-        assert in_thread(kind) is np.ndarray
+        assert result_in_thread(kind) is np.ndarray
     assert kind() is np.ndarray
 
 

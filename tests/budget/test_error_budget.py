@@ -9,7 +9,7 @@ from scipy.stats import binom
 from small_cases import SWEPT, steel_scene
 
 import femseal as fs
-from femseal.budget import CoarserSolution, ErrorPart
+from femseal.budget import CoarserSolution
 from femseal.budget.estimates import median_interval
 from femseal.budget.leakage_changes import expected_sensitivity, sensitivity
 from femseal.budget.missing_waves import filter_part
@@ -21,15 +21,6 @@ from femseal.runs.forecast import forecast
 from femseal.runs.run_description import describe
 from femseal.studies.patch_interval import interval_widths
 from femseal.topography import Patches
-
-Q = np.array([4.0, 1.0, 0.0])
-
-
-def part(name, below, above, upper_sealed=0.0):
-    made = ErrorPart.from_distances(name, Q, np.array(below, float), np.array(above, float), "")
-    upper = np.where(Q == 0, upper_sealed, made.upper)
-    return ErrorPart(name, made.lower, upper, "")
-
 
 # --- coarser solutions ---------------------------------------------------------------------------------------------
 

@@ -2,9 +2,19 @@
 
 import numpy as np
 from numpy.testing import assert_allclose
-from test_error_budget import Q, part
 
 import femseal as fs
+from femseal.budget import ErrorPart
+
+#: Leakages of three steps, the last of which is sealed.
+Q = np.array([4.0, 1.0, 0.0])
+
+
+def part(name, below, above, upper_sealed=0.0):
+    """An error part that reaches this far below and above Q, in logarithms, and up to `upper_sealed` where Q is 0."""
+    made = ErrorPart.from_distances(name, Q, np.array(below, float), np.array(above, float), "")
+    upper = np.where(Q == 0, upper_sealed, made.upper)
+    return ErrorPart(name, made.lower, upper, "")
 
 
 def test_parts_combine_as_the_root_of_the_sum_of_squares_of_logarithms():

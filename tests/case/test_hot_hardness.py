@@ -1,7 +1,7 @@
 """A hot fluid beside a hardness at room temperature is warned of."""
 
 import pytest
-from test_solid_cases import YOUNG, case
+from solids_in_cases import YOUNG, case_of_solids
 
 from femseal.case.hot_hardness import hot_hardness_warnings
 
@@ -35,7 +35,7 @@ def test_a_hot_fluid_beside_the_hardness_of_a_metal_at_room_temperature_is_warne
     pressures = {"inlet_pressure": "2 bar", "outlet_pressure": "1 bar"}
     temperature = {"temperature": "20 °C"} | fluid
     load = {"loading": ["50 MPa", "100 MPa"]}
-    hot = case(solid, fluid=gas | pressures | temperature, load=load)
+    hot = case_of_solids(solid, fluid=gas | pressures | temperature, load=load)
     said = [text for text in hot.named_warnings if "is that at 20 °C" in text]
     assert len(said) == len(keys)
     assert all(f"Set {key}" in text for text, key in zip(said, keys, strict=True))

@@ -4,14 +4,14 @@ import re
 
 import pytest
 from small_cases import CASE
-from test_solid_cases import case
+from solids_in_cases import case_of_solids
 
 import femseal as fs
 from femseal.case import case_schema
 
 
 def test_a_value_far_from_that_of_the_name_is_warned_of():
-    odd = case(
+    odd = case_of_solids(
         {"name": "Inconel 718, aged", "hardness": "9 GPa"},
         {"name": "steel 1.4571, annealed", "young": "2.4 TPa"},
     )

@@ -2,7 +2,7 @@
 
 import pytest
 from numpy.testing import assert_allclose
-from small_cases import HARDENED as CASE
+from solids_in_cases import LOADED, YOUNG, case_of_solids
 
 import femseal as fs
 from femseal.case import parse_case
@@ -10,29 +10,20 @@ from femseal.contact import HardnessTable, NixGao, PerfectlyPlastic
 from femseal.materials import METALS, named_solid
 from femseal.preparation.drawing_values import read_drawing
 
-YOUNG = {"young": "210 GPa"}
 ROWS = [["0 um", "1 GPa"], ["0.5 um", "1.4 GPa"], ["2 um", "1.6 GPa"]]
-SMALL = {"load": {"loading": ["100 MPa", "500 MPa"]}}
-
-
-def case(material, counter=None, **more):
-    return parse_case(
-        CASE
-        | SMALL
-        | {"material": material}
-        | ({"counter_material": counter} if counter else {})
-        | more
-    )
 
 
 def test_a_name_fills_in_what_is_not_given():
-    alloy, known = case({"name": "Inconel 718, aged"}).solids[0], named_solid("Inconel 718, aged")
+    alloy, known = (
+        case_of_solids({"name": "Inconel 718, aged"}).solids[0],
+        named_solid("Inconel 718, aged"),
+    )
     assert (alloy.young, alloy.poisson, alloy.hardness) == (
         known.young,
         known.poisson,
         known.hardness,
     )
-    own = case({"name": "Inconel 718, aged", "young": "190 GPa", "hardness": "4 GPa"})
+    own = case_of_solids({"name": "Inconel 718, aged", "young": "190 GPa", "hardness": "4 GPa"})
     assert own.solids[0] == fs.Solid(190e9, 0.29, hardness=4e9)
     assert own.named_warnings == ()
 
@@ -42,25 +33,27 @@ def test_a_metal_by_its_name_has_the_hardness_of_an_indentation_in_every_path(na
     """In a case, as a coating, in Python and from a drawing; a hardness or a yield stress of the case comes first."""
     hardness = fs.named_solid(name).hardness
     load = {"load": {"loading": ["10 MPa"]}}
-    by_name = case({"name": name}, **load)
-    coated = case(YOUNG | {"coating": {"name": name, "thickness": "20 um"}}, **load)
+    by_name = case_of_solids({"name": name}, **load)
+    coated = case_of_solids(YOUNG | {"coating": {"name": name, "thickness": "20 um"}}, **load)
     assert by_name.law.hardness == hardness
     assert coated.material.coating.solid.hardness == hardness
     from_drawing = read_drawing({"ra": "1.6 um", "pitch": "0.1 mm", "metal": name.upper()}, None)
     assert from_drawing.hardness == hardness
     assert from_drawing.metal == name
-    assert case({"name": name, "yield_stress": "100 MPa"}, **load).law.hardness == pytest.approx(
-        280e6
-    )
-    assert case({"name": name, "hardness": "300 MPa"}, **load).law.hardness == 300e6
+    assert case_of_solids(
+        {"name": name, "yield_stress": "100 MPa"}, **load
+    ).law.hardness == pytest.approx(280e6)
+    assert case_of_solids({"name": name, "hardness": "300 MPa"}, **load).law.hardness == 300e6
 
 
 def test_another_ratio_of_hardness_to_yield_stress():
     ratio = {"hardness_over_yield": 2.3}
-    assert_allclose(case(YOUNG | {"yield_stress": "1 GPa"} | ratio).law.hardness, 2.3e9)
-    assert_allclose(case({"name": "Inconel 718, aged"} | ratio).law.hardness, 2.3 * 1034e6)
+    assert_allclose(case_of_solids(YOUNG | {"yield_stress": "1 GPa"} | ratio).law.hardness, 2.3e9)
+    assert_allclose(
+        case_of_solids({"name": "Inconel 718, aged"} | ratio).law.hardness, 2.3 * 1034e6
+    )
     silver = {"name": "silver, annealed", "thickness": "20 um"} | ratio
-    layer = case({"name": "Inconel 718, aged", "coating": silver}).material.body.layer
+    layer = case_of_solids({"name": "Inconel 718, aged", "coating": silver}).material.body.layer
     assert_allclose(layer.hardness, 2.3 * 54e6)
 
 
@@ -68,12 +61,12 @@ def test_another_ratio_of_hardness_to_yield_stress():
 @pytest.mark.parametrize("keys", [{"hardness": "1 GPa"}, {"hardness_table": ROWS}])
 def test_a_ratio_of_hardness_to_yield_stress_contradicts_a_hardness(solid, keys):
     with pytest.raises(fs.InputError, match="hardness_over_yield with a yield_stress"):
-        case(solid | {"hardness_over_yield": 2.3} | keys)
+        case_of_solids(solid | {"hardness_over_yield": 2.3} | keys)
 
 
 def test_a_ratio_of_hardness_to_yield_stress_needs_a_yield_stress():
     with pytest.raises(fs.InputError, match="hardness_over_yield with a yield_stress"):
-        case(YOUNG | {"hardness_over_yield": 2.3})
+        case_of_solids(YOUNG | {"hardness_over_yield": 2.3})
 
 
 @pytest.mark.parametrize(
@@ -88,7 +81,7 @@ def test_a_ratio_of_hardness_to_yield_stress_needs_a_yield_stress():
     ],
 )
 def test_a_curve_of_a_case_is_its_law_and_runs(keys, law):
-    made = case(YOUNG | keys)
+    made = case_of_solids(YOUNG | keys)
     assert made.law == law
     results = fs.run(made)
     assert results.dataset.attrs["contact_law"] == str(law)
@@ -98,9 +91,9 @@ def test_a_curve_of_a_case_is_its_law_and_runs(keys, law):
 def test_a_table_from_a_file_has_its_units(tmp_path):
     path = tmp_path / "indentation.csv"
     path.write_text("hardness [GPa]; depth [nm]\n1; 0\n1.4; 500\n\n1.6; 2000\n")
-    of_file = CASE | SMALL | {"material": YOUNG | {"hardness_table": "indentation.csv"}}
+    of_file = LOADED | {"material": YOUNG | {"hardness_table": "indentation.csv"}}
     from_file = parse_case(of_file, tmp_path)
-    assert from_file.law == case(YOUNG | {"hardness_table": ROWS}).law
+    assert from_file.law == case_of_solids(YOUNG | {"hardness_table": ROWS}).law
     assert from_file.echo()["material"]["hardness_table"][1] == [500e-9, 1.4e9]
     for text, said in (
         ("", ", expected two col"),
@@ -119,7 +112,7 @@ def test_a_table_from_a_file_has_its_units(tmp_path):
 def test_the_softer_face_yields():
     steel, copper = YOUNG | {"hardness": "3 GPa"}, {"young": "117 GPa", "hardness": "600 MPa"}
     for face, counter, softer in ((steel, copper, "counter-face"), (copper, steel, "face")):
-        made = case(face, counter)
+        made = case_of_solids(face, counter)
         assert made.law == PerfectlyPlastic(6e8)
         said = f"; the {softer} is the softer one and yields at 600 MPa, the other yields at 3 GPa"
         assert fs.run(made).dataset.attrs["solids"].endswith(said)
@@ -179,4 +172,4 @@ def test_the_softer_face_yields():
 )
 def test_bad_solids_are_refused(keys, words):
     with pytest.raises(fs.InputError, match=words):
-        case(YOUNG | keys)
+        case_of_solids(YOUNG | keys)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_quick_estimate import OIL, case
+from fluid_cases import OIL, case_with_fluid
 
 import femseal as fs
 from femseal.checks import choked_flux
@@ -12,7 +12,7 @@ from femseal.runs.run_description import describe
 
 def test_a_gas_faster_than_sound_has_a_warning():
     nitrogen = {"name": "nitrogen", "inlet_pressure": "200 bar"}
-    given = case(nitrogen, rms_height="3 um", roll_off="300 um")
+    given = case_with_fluid(nitrogen, rms_height="3 um", roll_off="300 um")
     results = fs.run(given, workers=1)
     gap, mass = results.dataset["mean_gap"].item(), results.leakage_in("kg/s").item() / 1e-3
     ratio = mass / (2e7 * np.sqrt(1.4 / (8.31446 / 0.0280134 * 293.15)) * (2 / 2.4) ** 3 * gap)
@@ -24,7 +24,7 @@ def test_a_gas_faster_than_sound_has_a_warning():
 
 
 def test_oil_in_narrow_gaps_has_no_warning_of_its_flow():
-    given = case(OIL, rms_height="0.5 um")
+    given = case_with_fluid(OIL, rms_height="0.5 um")
     results = fs.run(given, workers=1)
     words = "Reynolds", "choked", "quick estimate"
     assert not any(word in text for text in results.warnings for word in words)

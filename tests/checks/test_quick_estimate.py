@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fluid_cases import OIL, case_with_fluid
 from numpy.testing import assert_allclose
-from small_cases import HARDENED
 
 import femseal as fs
-from femseal.case import parse_case
 from femseal.checks import estimate_surface
 from femseal.checks.quick_estimate import ERROR_FACTORS, LIGHT_CONTACT
 from femseal.flow.law import FlowLaw
@@ -20,7 +19,6 @@ from femseal.runs.run_description import describe
 
 WAVES = np.geomspace(1e4, 1e6, 40)
 POWERS = 1e-12 * (WAVES / WAVES[0]) ** -1.6
-OIL = {"kind": "liquid", "viscosity": "50 mPa*s", "inlet_pressure": "10 bar"}
 
 
 def test_grooves_across_the_flow_close_before_grooves_along_it():
@@ -42,19 +40,6 @@ def test_the_stated_error_factors_are_those_of_the_benchmark():
     )
     cells = re.search(rf"\| contact below {100 * LIGHT_CONTACT:g} % (.*)", page)[1].split("|")
     assert [float(cell) for cell in cells[4:6]] == list(ERROR_FACTORS)
-
-
-def case(fluid, seat=None, **face):
-    plain = {"kind": "self-affine", "points": [64, 64], "size": ["1 mm", "1 mm"], "hurst": 0.8}
-    changed = {
-        "seat": seat or {"kind": "flat"},
-        "face": plain | face,
-        "material": {"young": "210 GPa", "yield_stress": "1 GPa"},
-        "load": {"loading": ["25 MPa"]},
-        "fluid": fluid,
-        "output": {"budget": False},
-    }
-    return parse_case(HARDENED | changed)
 
 
 @dataclass(frozen=True)
@@ -95,7 +80,8 @@ def test_a_liquid_that_slips_flows_1_plus_6b_over_h_times_as_fast():
 
 def test_quick_estimate_and_description_contain_the_slip_of_a_liquid():
     without, slipping = (
-        case({**OIL, "slip_length": length}, rms_height="0.5 um") for length in ("0 um", "1 um")
+        case_with_fluid({**OIL, "slip_length": length}, rms_height="0.5 um")
+        for length in ("0 um", "1 um")
     )
     prepared = prepare(slipping)
     estimates = prepared.estimate(), prepare(without).estimate()
@@ -109,15 +95,17 @@ def test_helium_into_a_vacuum_leaks_as_the_quick_estimate():
     helium = {"name": "helium", "inlet_pressure": "1 atm"}
     leakages = []
     for outlet in ("0 Pa", "1e-3 mbar", "1 mbar"):
-        given = case(helium | {"outlet_pressure": outlet}, rms_height="0.5 um")
+        given = case_with_fluid(helium | {"outlet_pressure": outlet}, rms_height="0.5 um")
         leakages.append(prepare(given).estimate().leakage[0])
     assert_allclose(leakages, leakages[0], rtol=0.01)
-    results = fs.run(case(helium | {"outlet_pressure": "0 Pa"}, rms_height="0.5 um"), workers=1)
+    results = fs.run(
+        case_with_fluid(helium | {"outlet_pressure": "0 Pa"}, rms_height="0.5 um"), workers=1
+    )
     assert leakages[0] / results.leakage.values[0] == pytest.approx(1, abs=0.9)
     assert not any("quick estimate" in text for text in results.warnings)
 
 
 def test_a_seat_that_is_higher_than_the_roughness_has_no_quick_estimate():
     for radius, has_estimate in (("1 m", True), ("5 mm", False)):
-        crowned = case(OIL, {"kind": "crowned", "radius": radius}, rms_height="0.5 um")
+        crowned = case_with_fluid(OIL, {"kind": "crowned", "radius": radius}, rms_height="0.5 um")
         assert (prepare(crowned).estimate() is not None) == has_estimate

@@ -5,36 +5,14 @@ import json
 
 import numpy as np
 import pytest
-from leakage_laws import STEPS, power_law
+from design_cases import GROOVED, design_case
 from numpy.testing import assert_allclose
-from small_cases import STRIP, E, steel_scene
+from small_cases import E, steel_scene
 
 import femseal as fs
 from femseal.base import InputError
-from femseal.case import parse_case
 from femseal.designs.data_sheet import sheet_sentences, sheet_tables
-from femseal.designs.requirements import Seals
-from femseal.designs.sensitivities import Variants, sensitivities
 from femseal.results import RunFacts, assemble
-
-AMPLITUDES = np.exp(np.random.default_rng(3).normal(0, 0.3, 60)) * 1e12
-
-
-def seals_of(leakage=None, steps=STEPS, interval=None):
-    return Seals.from_leakage(
-        steps, power_law(AMPLITUDES) if leakage is None else leakage, interval
-    )
-
-
-def slopes(**given):
-    """Exponents of the leakage at 200 MPa."""
-    return {s.quantity: s for s in sensitivities(seals_of(), Variants(**given), 2e8, 0.9)}
-
-
-def factor(exponent):
-    """Seals whose leakage is 1.1 to this power times as large."""
-    return seals_of(power_law(AMPLITUDES) * 1.1**exponent)
-
 
 CYCLE = {"loading": (1e7, 1e8, 4e8), "unload_from": (4e8,), "unloading": (1e8, 1e7)}
 
@@ -123,37 +101,12 @@ def test_the_stiffness_of_a_wave_is_that_of_its_closed_form():
     assert_allclose(answer.stiffness[flat / 2], flat / 3 / (gaps[1] - gaps[0]), rtol=2e-3)
 
 
-def case(**more):
-    drawn = {"length": "300 um", "realisations": 8}
-    load = {"loading": ["20 MPa", "100 MPa", "400 MPa"], "unload_from": ["400 MPa"]}
-    tables = {
-        "face": STRIP["face"] | {"points": [32, 32], "size": ["60 um", "60 um"]},
-        "material": {"young": "210 GPa", "yield_stress": "1 GPa"},
-        "load": load | {"unloading": ["100 MPa", "20 MPa"]},
-        "cells": {"count": [2, 2]},
-        "stochastic": drawn,
-    }
-    return parse_case(STRIP | tables | more)
-
-
-#: Grooves along the seal, across the leakage.
-GROOVED = {
-    "kind": "turned",
-    "points": [32, 32],
-    "size": ["60 um", "60 um"],
-    "pitch": "30 um",
-    "depth": "1.5 um",
-    "roughness": "0.3 um",
-    "roughness_roll_off": "20 um",
-}
-
-
 def test_a_case_gives_files_and_a_section_of_the_report(tmp_path):
-    results = fs.run(case(face=GROOVED), workers=1)
+    results = fs.run(design_case(face=GROOVED), workers=1)
     limit = float(np.exp(np.mean(np.log(results.leakage.values[:2])))) * 1e9
     wanted = [f"{limit:.6g} mg/(m·s)", "L0.01"]  # of water
     given = {"classes": wanted, "workers": 1, "assembly": ["100 MPa"]}
-    answer = fs.design(case(face=GROOVED), tmp_path, **given)
+    answer = fs.design(design_case(face=GROOVED), tmp_path, **given)
     assert answer.seals.steps.unload_from == (1e8, 4e8)
     need = answer.requirements[0]
     assert 2e7 < need.assembly.computed < 1e8 * 1.0001
@@ -179,7 +132,9 @@ def test_a_case_gives_files_and_a_section_of_the_report(tmp_path):
 def test_sensitivities_are_known_if_the_class_is_met_because_no_path_is_open():
     """They hold at the highest load with a leakage above 0, and the answer says so."""
     loads = {"loading": ["20 MPa", "100 MPa", "2.7 GPa"]}
-    closing = case(face=GROOVED, load=loads, output={"budget": False}, method="deterministic")
+    closing = design_case(
+        face=GROOVED, load=loads, output={"budget": False}, method="deterministic"
+    )
     results = fs.run(closing, workers=1)
     first, second, last = results.leakage.values
     assert first > second > last == 0
@@ -199,7 +154,7 @@ def test_sensitivities_are_known_if_the_class_is_met_because_no_path_is_open():
 def test_the_command_says_what_the_seal_needs(tmp_path, femseal):
     output = {"paraview": "none", "fields_limit": "0 byte", "classes": ["L1"]}
     output["picture_formats"] = ["pdf"]
-    fs.run(case(output=output), tmp_path, workers=1)
+    fs.run(design_case(output=output), tmp_path, workers=1)
     code, told, _ = femseal("design", tmp_path, "--probability", "0.5")
     assert code == 0
     assert "QSmin(L), Q_A = 400 MPa" in told
@@ -228,13 +183,13 @@ def test_the_command_says_what_the_seal_needs(tmp_path, femseal):
 )
 def test_arguments_are_checked_before_anything_is_solved(tmp_path, given, said):
     with pytest.raises(InputError, match=said):
-        fs.design(case(), tmp_path / "none", **given)
+        fs.design(design_case(), tmp_path / "none", **given)
     assert not (tmp_path / "none").exists()
 
 
 def test_classes_of_the_test_fluid_decide():
     helium = {"name": "helium", "slip": False, "inlet_pressure": "40 bar"}
-    results = fs.run(case(output={"test_fluid": helium}), workers=1)
+    results = fs.run(design_case(output={"test_fluid": helium}), workers=1)
     answer = fs.design(results, classes=["TA Luft"])
     assert_allclose(answer.seals.leakage, results.dataset["test_leakage_realisations"])
     gas = fs.IdealGas(19.6e-6, 4.0026e-3, 293.15)
@@ -250,7 +205,7 @@ def test_a_load_in_assembly_is_a_force_if_the_case_gives_forces():
     """The same run by pressures and by forces on its area needs the same pressures."""
     from femseal.designs.answer import _as_pressures, _loads_in_assembly, _with_assembly_loads
 
-    plain = case(output={"budget": False})
+    plain = design_case(output={"budget": False})
     results = fs.run(plain, workers=1)
     breadth, length = results.dataset.attrs["seal_size_m"]
     area = breadth * length
@@ -258,7 +213,7 @@ def test_a_load_in_assembly_is_a_force_if_the_case_gives_forces():
     peaks = [f"{p * area!r} N" for p in results.steps.unload_from]
     unloading = [f"{p * area!r} N" for p in results.steps.unloading]
     load = {"loading": loading, "unload_from": peaks, "unloading": unloading}
-    by_force = case(output={"budget": False}, load=load)
+    by_force = design_case(output={"budget": False}, load=load)
     peak = results.steps.unload_from[0]
     loads = _loads_in_assembly(by_force, None, [f"{peak * area!r} N"])
     assert_allclose(loads, peak * area)

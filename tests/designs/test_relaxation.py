@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from design_cases import GROOVED, design_case
 from leakage_laws import FALL, RISE, power_law
 from numpy.testing import assert_allclose, assert_array_equal
-from test_design import AMPLITUDES, GROOVED, case
+from power_law_seals import AMPLITUDES
 
 import femseal as fs
 from femseal.designs.data_sheet import rows
@@ -18,7 +19,7 @@ DOWN = {"unload_from": ["100 MPa", "400 MPa"], "unloading": ["20 MPa"]}
 @pytest.fixture(scope="module")
 def relaxed():
     load = LOADING | DOWN | {"relaxation": 0.1}
-    return fs.run(case(face=GROOVED, load=load, output={"budget": False}), workers=1)
+    return fs.run(design_case(face=GROOVED, load=load, output={"budget": False}), workers=1)
 
 
 def by_step(results, values):
@@ -28,7 +29,9 @@ def by_step(results, values):
 
 def test_it_is_the_unloading_to_the_rest_of_each_load(relaxed):
     explicit = {"unload_from": ["100 MPa", "400 MPa"], "unloading": ["360 MPa", "90 MPa", "20 MPa"]}
-    other = fs.run(case(face=GROOVED, load=LOADING | explicit, output={"budget": False}), workers=1)
+    other = fs.run(
+        design_case(face=GROOVED, load=LOADING | explicit, output={"budget": False}), workers=1
+    )
     assert relaxed.steps == other.steps
     assert_array_equal(relaxed.leakage.values, other.leakage.values)
     found = by_step(relaxed, relaxed.leakage.values)
@@ -40,23 +43,23 @@ def test_the_more_relaxes_the_more_leaks():
     found = []
     for lost in (0, "5 %", 0.2, 0.5):
         load = LOADING | {"unload_from": ["400 MPa"], "unloading": ["20 MPa"], "relaxation": lost}
-        results = fs.run(case(face=GROOVED, method="two-scale", load=load), workers=1)
+        results = fs.run(design_case(face=GROOVED, method="two-scale", load=load), workers=1)
         found.append(results.leakage.values[3 if lost else 2])
     assert np.all(np.diff(found) > 0)
 
 
 def test_without_peaks_every_load_relaxes():
-    found = case(load=LOADING | {"relaxation": 0.25}).load.pressures(1.0, 1.0)
+    found = design_case(load=LOADING | {"relaxation": 0.25}).load.pressures(1.0, 1.0)
     assert found["unload_from"] == (2e7, 1e8, 4e8)
     assert found["unloading"] == (3e8, 7.5e7, 1.5e7)
-    forces = case(load={"loading": ["10 kN"], "relaxation": 0.1}).load.pressures(1e-4, 0.1)
+    forces = design_case(load={"loading": ["10 kN"], "relaxation": 0.1}).load.pressures(1e-4, 0.1)
     assert forces == {"loading": (1e8,), "unload_from": (1e8,), "unloading": (9e7,)}
 
 
 @pytest.mark.parametrize("value", [1, 1.5, -0.1, "100 %", "10 MPa", "some"])
 def test_what_is_no_fraction_is_refused(value):
     with pytest.raises(fs.InputError, match=r"load.relaxation: given .*, expected"):
-        case(load=LOADING | DOWN | {"relaxation": value})
+        design_case(load=LOADING | DOWN | {"relaxation": value})
 
 
 def test_pressure_in_assembly_with_relaxation_of_power_laws_is_exact():

@@ -3,7 +3,7 @@
 import numpy as np
 from leakage_laws import FALL, RISE, STEPS, power_law
 from numpy.testing import assert_allclose
-from test_design import AMPLITUDES, seals_of
+from power_law_seals import AMPLITUDES, seals_of
 
 from femseal.base import to_text
 from femseal.designs.requirements import Seals, requirement, sealing_load

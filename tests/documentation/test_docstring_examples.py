@@ -7,7 +7,7 @@ import doctest
 import inspect
 
 import pytest
-from test_documented_commands import CASE, LEAK_TEST
+from small_files import LEAK_TEST, TURNED_CASE
 
 import femseal as fs
 
@@ -44,7 +44,7 @@ def test_there_is_an_example(name):
 def folder(tmp_path_factory):
     """A folder with the files that examples name, and finished runs."""
     folder = tmp_path_factory.mktemp("examples")
-    quick = CASE.replace(
+    quick = TURNED_CASE.replace(
         "[output]", "[output]\nbudget = false\npictures = false\nfields = false\nparaview = 'none'"
     )
     (folder / "seal.toml").write_text(quick, encoding="utf-8")

@@ -13,8 +13,8 @@ from itertools import count
 from pathlib import Path
 
 import pytest
-import x3pio
 from numpy.testing import assert_array_equal
+from small_files import LEAK_TEST, TURNED_CASE, write_map
 from typer.main import get_command
 
 import femseal as fs
@@ -27,36 +27,6 @@ PAGES += sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 PAGES = [
     page for page in PAGES if page.name not in ("command_line.md", "case_keys.md")
 ]  # generated
-#: A turned face, small enough for every study, with the keys that the commands change.
-CASE = """
-method = "two-scale"
-seed = 1
-[face]
-kind = "turned"
-points = [64, 128]
-size = ["80 um", "160 um"]
-pitch = "40 um"
-depth = "1 um"
-roughness = "1 um"
-roughness_roll_off = "30 um"
-[material]
-young = "210 GPa"
-hardness = "3 GPa"
-[load]
-loading = ["25 MPa", "50 MPa", "100 MPa", "150 MPa", "200 MPa", "300 MPa"]
-unload_from = ["300 MPa"]
-unloading = ["150 MPa", "100 MPa", "25 MPa"]
-[fluid]
-kind = "liquid"
-viscosity = "1 mPa*s"
-inlet_pressure = "0.3 MPa"
-[cells]
-count = [2, 4]
-[output]
-test_fluid = {name = "helium", inlet_pressure = "2 bar", slip = false}
-"""
-#: A leak test of it.
-LEAK_TEST = "pressure [MPa], leakage [mg/(m·s)]\n25, 40\n50, 20\n100, 5\n200, 1\n300, < 1\n"
 #: What the pages leave open, or what is too large to be run here, and a small file in its place.
 SMALL = {
     "CASE": "seal.toml",
@@ -155,7 +125,7 @@ def gasket():
 def finished(tmp_path_factory):
     """The folder of a finished run of the small case."""
     folder = tmp_path_factory.mktemp("finished")
-    (folder / "seal.toml").write_text(CASE, encoding="utf-8")
+    (folder / "seal.toml").write_text(TURNED_CASE, encoding="utf-8")
     fs.run(folder / "seal.toml", folder / "results", workers=1)
     return folder / "results"
 
@@ -166,21 +136,13 @@ def place(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("joblib.cpu_count", lambda *a, **k: 1)
     for name, text in (
-        ("seal.toml", CASE),
+        ("seal.toml", TURNED_CASE),
         ("leak_test.csv", LEAK_TEST),
         ("gasket.toml", gasket()),
     ):
         Path(name).write_text(text, encoding="utf-8")
     write_map("face.x3p", 1)
     return tmp_path
-
-
-def write_map(path, seed):
-    """A measured map of 48 × 64 µm."""
-    given = {"hurst": 0.8, "rms_slope": 0.2, "roll_off": 30e-6, "rng": seed}
-    face = fs.self_affine((48, 64), (48e-6, 64e-6), **given)
-    scales = {"x_scale": 1e-6, "y_scale": 1e-6, "z_scale": 1e-9}
-    x3pio.write(path, face.heights.T, **scales, z_type=x3pio.DataType.INT16)
 
 
 def written(path):

@@ -6,17 +6,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from code_on_pages import code_blocks, merged_case
 from numpy.testing import assert_allclose
-from test_tutorials import TEMPLATE, blocks, merged
 
 import femseal as fs
+from femseal.case import Case, case_template
 
 PAGE = Path(__file__).parents[2] / "docs" / "drawing.md"
 RZ, PITCH = 3.2e-6, 60e-6
 
 
 def test_the_case_of_the_page_has_the_roughness_of_its_title(tmp_path):
-    (tmp_path / "seal.toml").write_text(merged(TEMPLATE, *blocks(PAGE, "toml")), encoding="utf-8")
+    (tmp_path / "seal.toml").write_text(
+        merged_case(case_template(Case), *code_blocks(PAGE, "toml")), encoding="utf-8"
+    )
     case = fs.load_case(tmp_path / "seal.toml")
     face = case.face[0]
     given = {
@@ -52,7 +55,7 @@ def test_arcs_of_a_tool_have_the_closed_forms_of_their_height_and_slope():
 
 
 def test_faces_of_one_ra_leak_by_their_slope(tmp_path, capsys):
-    (tmp_path / "slope.py").write_text(blocks(PAGE, "python")[0], encoding="utf-8")
+    (tmp_path / "slope.py").write_text(code_blocks(PAGE, "python")[0], encoding="utf-8")
     runpy.run_path(str(tmp_path / "slope.py"))
     found = [float(n) for n in re.findall(r"\d[\d.]*(?:e-\d+)?", capsys.readouterr().out)]
     (ra, steep, k), (other, flat, less) = np.reshape(found, (2, 3))

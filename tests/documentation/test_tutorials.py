@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista
-from test_documented_commands import CASE, write_map
+from code_on_pages import code_blocks, merged_case, tables_of_case
+from small_files import TURNED_CASE, write_map
 
 import femseal as fs
 from femseal.case import Case, case_template
@@ -28,35 +29,12 @@ SMALLER = [
 LOADS = '[load]\nloading = ["50 MPa", "150 MPa"]\n'
 
 
-def blocks(page, language):
-    """Blocks of code of a page."""
-    return re.findall(rf"```{language}\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
-
-
-def tables(text):
-    """Tables of a case by their header; "" is what comes before the first."""
-    parts = re.split(r"(?m)^(\[\w+\])", text)
-    return {"": parts[0], **dict(zip(parts[1::2], parts[2::2], strict=True))}
-
-
-def merged(*texts):
-    """A case in which tables of the later texts replace those of the same name, and so does a method at their top."""
-    found = {}
-    for text in texts:
-        new = tables(text)
-        if found:
-            method = re.search(r"(?m)^method = .*", new[""])
-            new[""] = re.sub(r"(?m)^method = .*", method[0], found[""]) if method else found[""]
-        found |= new
-    return "".join(name + body for name, body in found.items())
-
-
 RUN = {"measured_face", "places", "leak_test", "bolts", "flatness", "lens_ring"}
 #: The page on coatings shows a part of a case that is shipped.
 CASES = {
-    page.stem: blocks(page, "toml")[0]
+    page.stem: code_blocks(page, "toml")[0]
     for page in PAGES
-    if blocks(page, "toml") and page.stem != "coating"
+    if code_blocks(page, "toml") and page.stem != "coating"
 }
 
 
@@ -70,11 +48,13 @@ def folder(tmp_path):
 
 def case_of(name, folder, text, loads="", output=""):
     """The case of a tutorial over that of a text, with small files, other loads and more keys of the output."""
-    text = merged(text, CASES[name]).replace(".plu", ".x3p").replace("face.x3p", "a.x3p")
+    text = merged_case(text, CASES[name]).replace(".plu", ".x3p").replace("face.x3p", "a.x3p")
     if loads and name not in ("bolts", "flatness", "lens_ring"):
-        text = merged(text, loads)
+        text = merged_case(text, loads)
     if output:
-        text = merged(text, f"[output]\n{output}{tables(CASES[name]).get('[output]', '')}")
+        text = merged_case(
+            text, f"[output]\n{output}{tables_of_case(CASES[name]).get('[output]', '')}"
+        )
     (folder / "seal.toml").write_text(text, encoding="utf-8")
     return fs.load_case(folder / "seal.toml")
 
@@ -90,7 +70,7 @@ def test_the_case_of_a_tutorial_runs(name, folder, monkeypatch):
     smaller = reduce(lambda text, change: text.replace(*change), SMALLER, CASES[name])
     monkeypatch.setitem(CASES, name, smaller)
     method = "stochastic" if name in ("bolts", "flatness") else "deterministic"
-    text = CASE.replace("two-scale", method).replace("[128, 256]", "[64, 128]")
+    text = TURNED_CASE.replace("two-scale", method).replace("[128, 256]", "[64, 128]")
     results = fs.run(case_of(name, folder, text, LOADS, QUICK), folder / "results", workers=1)
     assert not results.failures
     first, *_, last = results.loading()[results.leakage.name].values
@@ -101,7 +81,7 @@ def printed(block, folder, capsys, unit):
     """Numbers of a unit that a script of the page prints."""
     script = folder / "script.py"
     page = ROOT / "docs" / "tutorials" / "python.md"
-    script.write_text(blocks(page, "python")[block], encoding="utf-8")
+    script.write_text(code_blocks(page, "python")[block], encoding="utf-8")
     runpy.run_path(str(script))
     return [float(n) for n in re.findall(rf"([\d.]+e-\d+) {unit}", capsys.readouterr().out)]
 

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ended_runs import assert_same_results, processes_of, run_processes, stop_at, wait_until
 from small_cases import CASE, HANG
 
 import femseal as fs
@@ -52,24 +53,6 @@ def full(*args, **kwargs):
     raise OSError(errno.ENOSPC, "full")
 
 
-def assert_same(one, two):
-    assert set(one.data_vars) == set(two.data_vars)
-    for name in one.variables:
-        np.testing.assert_array_equal(one[name].values, two[name].values, err_msg=name)
-    different = {key for key in one.attrs if not np.array_equal(one.attrs[key], two.attrs[key])}
-    assert different <= {"timings", "date_created", "peak_memory_bytes"}
-
-
-def stop_at(stage, item):
-    """A progress that stops the run as Ctrl-C does."""
-
-    def progress(name, done, total):
-        if name.endswith(stage) and done == item:
-            raise KeyboardInterrupt
-
-    return progress
-
-
 class Crash(BaseException):
     pass
 
@@ -102,7 +85,7 @@ def test_a_resumed_run_gives_the_same_bits_and_leaves_no_checkpoint(
         monkeypatch.setattr(flow, lambda *_, **__: pytest.fail("computed again"))
     again = fs.run(case, out, **RESUMED, progress=lambda *a: stages.append(a))
     assert not contacts
-    assert_same(whole.dataset, again.dataset)
+    assert_same_results(whole.dataset, again.dataset)
     assert not (out / ".checkpoint").exists()
     assert "stopped (KeyboardInterrupt)" in (out / "run.log").read_text()
     assert ("stochastic: realisations", 24, 24) in stages
@@ -169,7 +152,7 @@ def test_a_run_killed_outside_its_studies_resumes_with_the_same_numbers(tmp_path
         again = fs.run(file, tmp_path / name, **RESUMED).dataset
         if name == "accuracy":
             whole, again = without_times(whole), without_times(again)
-        assert_same(whole, again)
+        assert_same_results(whole, again)
         assert not (tmp_path / name / ".checkpoint").exists()
 
 
@@ -205,7 +188,7 @@ def test_states_on_disk_resume_from_the_last_one_with_the_same_bits(
     whole = fs.run(case, tmp_path / "whole", workers=1)
     monkeypatch.setattr("femseal.base.shared_arrays.PART_OF_MEMORY", 0)
     again = fs.run(case, out, resume=True, workers=workers)
-    assert_same(whole.dataset, again.dataset)
+    assert_same_results(whole.dataset, again.dataset)
     for one, other in ((whole, again), (fs.open_results(tmp_path / "whole"), fs.open_results(out))):
         for name in ("gap", "contact_pressure", "fluid_pressure"):
             for step in range(len(whole.steps)):
@@ -344,56 +327,17 @@ def test_a_run_resumes_between_batches_of_realisations(case, tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         fs.run(case, tmp_path / "out", workers=1, progress=stop)
-    assert_same(fs.run(case, tmp_path / "out", **RESUMED).dataset, done)
+    assert_same_results(fs.run(case, tmp_path / "out", **RESUMED).dataset, done)
 
 
 # --- signals -------------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
-def start():
-    """Starts the command line in a process group of its own, which ends with the test at the latest."""
-    started = []
-
-    def start(case, out, *arguments):
-        # a shell starts what runs in its background so that Ctrl-C is ignored, which is inherited
-        code = (
-            "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
-            "from femseal.cli import main; main()"
-        )
-        command = [sys.executable, "-c", code, "run", case, "-o", out, *arguments]
-        process = subprocess.Popen(
-            [*map(str, command)], stderr=subprocess.PIPE, text=True, start_new_session=True
-        )
-        started.append(process)
-        return process
-
-    yield start
-    for process in started:
-        if alive(process.pid):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
-
-
-def wait_until(condition):
-    """Come back once the condition holds; fail where it never does."""
-    end = time.monotonic() + HANG
-    while not condition():
-        assert time.monotonic() < end
-        time.sleep(0.05)
-
-
-def alive(group):
-    """Processes of a group that are not merely waiting to be reaped."""
-    found = []
-    for path in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            state, _, its_group = path.read_text().rsplit(")", 1)[1].split()[:3]
-        except OSError:
-            continue
-        if int(its_group) == group and state != "Z":
-            found.append(int(path.parent.name))
-    return found
+def start_run():
+    """A function that starts `femseal run` in a process group of its own; the groups end with the test at the latest."""
+    with run_processes() as start:
+        yield start
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
@@ -408,48 +352,51 @@ def alive(group):
         ),
     ],
 )
-def test_ctrl_c_ends_the_workers_and_says_how_to_resume(case, start, tmp_path, arguments, sent):
+def test_ctrl_c_ends_the_workers_and_says_how_to_resume(case, start_run, tmp_path, arguments, sent):
     case.write_text(ALONE.replace("realisations = 24", "realisations = 100000"))
     out = tmp_path / "out"
-    process = start(case, out, "--log-file", tmp_path / "lines.log", *arguments)
+    process = start_run(case, out, "--log-file", tmp_path / "lines.log", *arguments)
     wait_until(lambda: len(Store(out / ".checkpoint")) > MOST_OTHERS or process.poll() is not None)
     assert process.poll() is None, process.stderr.read()
     os.killpg(process.pid, sent)
     lines = process.communicate(timeout=HANG)[1].splitlines()
     assert process.returncode == 1
     assert lines[-1] == f"femseal: stopped; `femseal run {case} -o {out} --resume` continues it"
-    wait_until(lambda: not alive(process.pid))  # trackers end when they see that the others have
+    # trackers end when they see that the others have
+    wait_until(lambda: not processes_of(process.pid))
     assert "was stopped (KeyboardInterrupt)" in (tmp_path / "lines.log").read_text()
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
 @pytest.mark.slow
-def test_processes_end_with_their_parent(case, start, tmp_path, monkeypatch):
+def test_processes_end_with_their_parent(case, start_run, tmp_path, monkeypatch):
     """Also where it is killed, so that it cannot end them; they remove the files by which it sent its stages."""
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     case.write_text(CASE.replace("realisations = 24", "realisations = 100000"))
-    process = start(case, tmp_path / "out", "--workers", "2")
+    process = start_run(case, tmp_path / "out", "--workers", "2")
     kept = tmp_path / "out/.checkpoint"
     wait_until(lambda: len(Store(kept)) > MOST_OTHERS or process.poll() is not None)
-    assert len(alive(process.pid)) > 2
+    assert len(processes_of(process.pid)) > 2
     assert list(tmp_path.glob("femseal-*"))
     process.kill()
-    wait_until(lambda: not alive(process.pid))
+    wait_until(lambda: not processes_of(process.pid))
     assert not list(tmp_path.glob("femseal-*"))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("workers", [1, 2])
-def test_runs_killed_at_random_moments_resume_with_the_same_bits(case, start, tmp_path, workers):
+def test_runs_killed_at_random_moments_resume_with_the_same_bits(
+    case, start_run, tmp_path, workers
+):
     rng = random.Random(workers)
     case.write_text(CASE.replace("realisations = 24", "realisations = 400"))
     begin = time.perf_counter()
-    assert start(case, tmp_path / "whole", "--workers", workers).wait() == 0
+    assert start_run(case, tmp_path / "whole", "--workers", workers).wait() == 0
     seconds = time.perf_counter() - begin
     whole, out, kills = fs.open_results(tmp_path / "whole").dataset, tmp_path / "out", 0
     for _ in range(2):
         for left in range(5, -1, -1):
-            process = start(case, out, "--resume", "--workers", workers)
+            process = start_run(case, out, "--resume", "--workers", workers)
             try:
                 process.wait(timeout=rng.uniform(0.2, 0.9) * seconds if left else None)
                 break
@@ -458,7 +405,7 @@ def test_runs_killed_at_random_moments_resume_with_the_same_bits(case, start, tm
                 process.wait()
                 kills += 1
         assert process.returncode == 0, process.stderr.read()
-        assert_same(whole, fs.open_results(out).dataset)
+        assert_same_results(whole, fs.open_results(out).dataset)
         assert not (out / ".checkpoint").exists()
         shutil.rmtree(out)
     assert kills > 1

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ended_runs import assert_same_results, run_processes, stop_at, wait_until
 from numpy.testing import assert_array_equal
 from small_cases import CASE, HANG
-from test_checkpoint import assert_same, start, stop_at, wait_until  # noqa: F401
 
 import femseal as fs
 from femseal.base import Stage, compiled
@@ -44,6 +44,13 @@ def cluster(monkeypatch):
         n_workers=2, threads_per_worker=1, processes=False, dashboard_address=None
     ) as it:
         yield it
+
+
+@pytest.fixture
+def start_run():
+    """A function that starts `femseal run` in a process group of its own; the groups end with the test at the latest."""
+    with run_processes() as start:
+        yield start
 
 
 @contextmanager
@@ -199,14 +206,14 @@ def test_a_run_on_a_cluster_writes_its_folder_and_goes_on_there(
             fs.run(case, out, scheduler=address, progress=stop)
         assert (out / ".checkpoint").exists()
         fs.run(case, out, resume=True, scheduler=address)
-        assert_same(one.dataset, fs.open_results(out).dataset)
+        assert_same_results(one.dataset, fs.open_results(out).dataset)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scheduler", ["local", "address"])
 def test_the_command_writes_its_folder_on_a_cluster_also_after_a_kill(
     case,
-    start,  # noqa: F811
+    start_run,
     tmp_path,
     scheduler,
 ):
@@ -217,14 +224,14 @@ def test_the_command_writes_its_folder_on_a_cluster_also_after_a_kill(
             scheduler, start_worker = stack.enter_context(real_cluster())
             start_worker()
         arguments = ["--workers", 1, "--scheduler", scheduler]
-        process = start(case, out, *arguments)
+        process = start_run(case, out, *arguments)
         wait_until(lambda: list(out.glob(".checkpoint/*.results")) or process.poll() is not None)
         assert process.poll() is None, process.stderr.read()
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-        process = start(case, out, "--resume", *arguments)
+        process = start_run(case, out, "--resume", *arguments)
         assert process.wait() == 0, process.stderr.read()
-    assert_same(one.dataset, fs.open_results(out).dataset)
+    assert_same_results(one.dataset, fs.open_results(out).dataset)
     assert not (out / ".checkpoint").exists()
 
 
@@ -271,7 +278,7 @@ def test_views_are_sent_by_value_on_systems_without_shared_memory(monkeypatch):
 @pytest.mark.slow
 def test_a_scheduler_of_its_own_gives_the_same_bits(case):
     one = fs.run(case, workers=1)
-    assert_same(one.dataset, fs.run(case, workers=2, scheduler="local").dataset)
+    assert_same_results(one.dataset, fs.run(case, workers=2, scheduler="local").dataset)
     assert not distributed.client._get_global_client()
 
 
@@ -295,7 +302,7 @@ def test_killed_workers_do_not_change_the_results(case):
 
         there = fs.run(case, scheduler=address, progress=progress)
         assert len(set(killed)) == 3
-    assert_same(one.dataset, there.dataset)
+    assert_same_results(one.dataset, there.dataset)
 
 
 @pytest.mark.slow

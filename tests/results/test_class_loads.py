@@ -2,14 +2,14 @@
 
 from types import SimpleNamespace
 
-from test_load_steps import loaded
+from loaded_datasets import dataset_with_loads
 
 from femseal.results.class_loads import common_load_text
 
 
 def test_loads_of_several_runs_are_forces_where_their_scales_agree():
     def text(*all_loads):
-        runs = [SimpleNamespace(dataset=loaded(*loads)) for loads in all_loads]
+        runs = [SimpleNamespace(dataset=dataset_with_loads(*loads)) for loads in all_loads]
         return common_load_text(runs)(1e8)
 
     forces = ("1000.0 N", "2000.0 N")

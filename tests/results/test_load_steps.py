@@ -1,11 +1,10 @@
 """Loads of a run as quantities, texts and ticks."""
 
-import json
 from itertools import pairwise
 
 import numpy as np
 import pytest
-import xarray
+from loaded_datasets import dataset_with_loads
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.testing import assert_allclose
@@ -44,13 +43,6 @@ def test_loads_are_ticks_whose_labels_do_not_touch(loads, load_format):
     assert ("kN" in axes.get_xlabel()) == (load_format.unit == "kN")
 
 
-def loaded(*loads, pressures=(5e7, 1e8)):
-    """A dataset whose case gives these loads."""
-    case = json.dumps({"load": {"loading": loads}})
-    nominal = ("step", np.array(pressures))
-    return xarray.Dataset({"nominal_pressure": nominal}, attrs={"case": case})
-
-
 @pytest.mark.parametrize(
     ("loads", "unit", "force", "per_pascal"),
     [
@@ -63,7 +55,7 @@ def loaded(*loads, pressures=(5e7, 1e8)):
     ],
 )
 def test_forces_of_a_stored_case_are_read_as_quantities(loads, unit, force, per_pascal):
-    data = loaded(*loads)
+    data = dataset_with_loads(*loads)
     assert given_loads(data)[0] == unit
     assert load_format(data)[:2] == (force, pytest.approx(per_pascal))
 

@@ -1,16 +1,19 @@
 """Seals on meshes of files: boundaries, order of the elements, and files that are refused."""
 
+from pathlib import Path
+
 import meshio
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from skfem import MeshLine, MeshQuad, MeshTri
-from test_seal_leakage import RING
 
 from femseal.base import InputError
 from femseal.seal import (
     MeshSeal,
 )
+
+RING = Path(__file__).parents[2] / "meshes" / "ring.msh"
 
 
 def square(kind, **kwargs):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from test_code_of_users import hardening
+from laws_of_users import law_of_user
 
 import femseal as fs
 from femseal.contact import LinearHardening, PerfectlyPlastic
@@ -30,9 +30,9 @@ class Plain:
 @pytest.mark.parametrize(
     "value",
     [
-        hardening("0.0"),
-        type(hardening("0.0")),
-        hardening("0.0").yield_pressure,
+        law_of_user("0.0"),
+        type(law_of_user("0.0")),
+        law_of_user("0.0").yield_pressure,
         Fluid(1.0),
         Fluid,
         lambda x: x,

@@ -5,8 +5,8 @@ from math import inf, nan, pi
 
 import numpy as np
 import pytest
+from measured_maps import most_memory, open_map, rough_map
 from numpy.testing import assert_allclose, assert_array_equal
-from test_repairs import most_memory, open_map, rough
 
 from femseal.base import InputError
 from femseal.topography import (
@@ -75,14 +75,14 @@ def test_faces_of_many_rows_are_laid_on_one_another_with_little_memory():
 
 
 def test_coinciding_faces_are_added_point_by_point():
-    a, b = rough(), rough(rng=5)
+    a, b = rough_map(), rough_map(rng=5)
     both, overlap = combine(a, b)
     assert_array_equal(both.heights, a.heights + b.heights)
     assert (both.periodic, overlap.fraction, overlap.resampled) == ((True, True), 1.0, False)
     turned_over, _ = combine(a, a.flip(1), mirror="x2")
     assert_array_equal(turned_over.heights, 2 * a.heights)
     # the same face on a finer grid of the same size
-    fine, overlap = combine(a, rough((320, 240), rng=5))
+    fine, overlap = combine(a, rough_map((320, 240), rng=5))
     assert_allclose(fine.heights, both.heights, atol=1e-12)
     assert (fine.periodic, overlap.resampled) == ((True, True), True)
     # a shift by whole pixels
@@ -98,7 +98,7 @@ def test_waves_too_short_for_the_first_grid_are_not_folded():
     assert np.abs(both.heights).max() < 1e-3
 
 
-FACE = rough()
+FACE = rough_map()
 
 
 HOLED = Topography(np.where(np.arange(120) == 7, nan, FACE.heights), FACE.spacing)

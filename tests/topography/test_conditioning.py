@@ -7,7 +7,7 @@ import tracemalloc
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_topography import SIZE, centres, wave
+from waves_and_noise import SIZE, pixel_centres, standing_wave
 
 from femseal.base import InputError
 from femseal.topography import (
@@ -27,7 +27,7 @@ def test_a_periodic_map_is_not_levelled_unless_asked_for():
     assert report.removed_tilt == (0.0, 0.0)
     assert_allclose(describe_surface(face).rms_slope, 0.2, rtol=1e-9)
     # the plane through a single wave leaves a step of twice its amplitude
-    single = wave((128, 128), (1, 0), (True, True), phase=(-0.5 * np.pi, 0.0))
+    single = standing_wave((128, 128), (1, 0), (True, True), phase=(-0.5 * np.pi, 0.0))
     assert single.seamless == (True, True)
     assert single.detrend(1).seamless == (False, True)
     slope = single.rms_slope
@@ -100,7 +100,7 @@ def test_conditioning_takes_little_memory(kind, bytes_per_point, monkeypatch):
 def measured():
     """A tilted rough map with a few undefined points: self-affine roughness down to two pixels."""
     rough = self_affine((96, 80), SIZE, hurst=0.8, rms_height=1e-6, cut_off=7e-5, rng=4)
-    x1, x2 = centres(rough.shape)
+    x1, x2 = pixel_centres(rough.shape)
     z = rough.heights + np.tan(2e-3) * x1[:, None] - np.tan(1e-3) * x2
     z[40:42, 30:33] = np.nan
     return Topography(z, rough.spacing, (False, False))
@@ -121,7 +121,7 @@ def test_condition_reports_what_it_did():
 
 
 def test_condition_recovers_tilt_and_curvature():
-    x1, x2 = centres((60, 50))
+    x1, x2 = pixel_centres((60, 50))
     u, v = x1[:, None] - SIZE[0] / 2, x2 - SIZE[1] / 2
     z = np.tan(1e-3) * u - np.tan(3e-3) * v + 0.5 * 2.0 * u**2 + 0.7 * u * v - 0.5 * 3.0 * v**2
     _, report = condition(Topography(z, (SIZE[0] / 60, SIZE[1] / 50)), detrend=2)

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from measured_maps import open_map, rough_map
 from numpy.testing import assert_allclose
 from scipy.integrate import quad
 from scipy.special import ellipe
 from scipy.stats import norm
-from test_repairs import open_map, rough
 
 import femseal as fs
 from femseal.topography import (
@@ -120,7 +120,7 @@ EXAMPLE = Path(__file__).parents[2] / "examples" / "measured_face.x3p"
 
 
 def test_height_parameters_agree_with_iso_25178():
-    z = rough().detrend().heights
+    z = rough_map().detrend().heights
     z = z - z.mean()
     tilted = z + 0.01 * np.arange(160)[:, None] * 1e-6
     report = describe_surface(open_map(tilted))
@@ -145,13 +145,13 @@ def test_a_flat_face_is_described():
 
 
 def test_spikes_and_undefined_points_are_counted():
-    z = rough().heights.copy()
+    z = rough_map().heights.copy()
     z[3, 4], z[50, 60:63] = 1e-4, np.nan
     report = describe_surface(Topography(z, (1e-6, 1e-6)))
     assert (report.spike_points, report.undefined_fraction) == (1, 3 / z.size)
     assert report.peak_to_valley > 1e-4  # heights as the instrument counts them
     # slopes without the spike
-    assert_allclose(report.rms_slope, describe_surface(rough()).rms_slope, rtol=0.01)
+    assert_allclose(report.rms_slope, describe_surface(rough_map()).rms_slope, rtol=0.01)
 
 
 def test_the_example_surface_is_described():

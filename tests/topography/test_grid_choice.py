@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_topography import SIZE
 
 from femseal.topography import (
     condition,
     resolving_shape,
     self_affine,
 )
+
+SIZE = (3e-3, 2e-3)
 
 
 def test_a_finer_grid_keeps_the_waves_that_were_measured():

@@ -1,10 +1,10 @@
 """Spikes and undefined points: what is found, and what is filled in."""
 
-import tracemalloc
-from math import inf, nan, pi
+from math import inf, nan
 
 import numpy as np
 import pytest
+from measured_maps import grooved_heights, most_memory, open_map, rough_map
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy import ndimage, sparse
 
@@ -19,18 +19,6 @@ from femseal.topography import (
 )
 
 
-def rough(shape=(160, 120), **given):
-    return self_affine(
-        shape,
-        (160e-6, 120e-6),
-        **{"hurst": 0.8, "rms_height": 1e-6, "cut_off": 5e-6, "rng": 2} | given,
-    )
-
-
-def open_map(z, spacing=(1e-6, 1e-6)):
-    return Topography(z, spacing, (False, False))
-
-
 def spikes(z, threshold=6.0):
     """Points of a map that are spikes."""
     return np.isnan(open_map(z).without_spikes(threshold).heights) & ~np.isnan(z)
@@ -38,7 +26,7 @@ def spikes(z, threshold=6.0):
 
 def test_isolated_points_are_spikes_and_nothing_else_is():
     """One, two and four points side by side, up and down, at a corner, on a border, beside undefined ones."""
-    z = rough().heights.copy()
+    z = rough_map().heights.copy()
     z[50:52, 60] = np.nan
     expected = np.zeros(z.shape, dtype=bool)
     for place, height in (
@@ -120,7 +108,7 @@ def test_edges_corners_walls_small_summits_and_quantised_heights_are_no_spikes()
 )
 def test_invalid_thresholds_and_orders_of_the_form_are_refused(given, what):
     """Also of a face with spikes, which have no part in it."""
-    z = rough().heights.copy()
+    z = rough_map().heights.copy()
     z[5::10, 5::10] += 1e-4
     with pytest.raises(InputError, match=f"^{what}: given(?!.*spikes=inf)"):
         repair(open_map(z), **given)
@@ -140,25 +128,15 @@ def test_repair_fills_spikes_like_undefined_points():
 
 
 def test_spikes_count_as_undefined():
-    z = rough().heights.copy()
+    z = rough_map().heights.copy()
     z[5::10, 5::10] += 1e-4
     with pytest.raises(InputError, match=r"1 % undefined points, .*; 192 of them are spikes"):
         fs.condition(open_map(z), max_undefined=0.005)
 
 
-def grooved(angle=0.0, shape=(200, 160)):
-    """Grooves at right angles to (cos α, sin α) on 200 × 160 µm, the distance across them, and random numbers."""
-    x1, x2 = ((np.arange(n) + 0.5) * s * 1e-6 / n for n, s in zip(shape, (200, 160), strict=True))
-    s = x1[:, None] * np.cos(angle) + x2 * np.sin(angle)
-    rng = np.random.default_rng(3)
-    waves = 7 * rng.random(4), (14e-6, 19e-6, 23e-6, 31e-6)
-    z = sum(1e-7 * np.cos(2 * pi * s / wave + phase) for phase, wave in zip(*waves, strict=True))
-    return z + 1e-9 * rng.standard_normal(shape), s, rng
-
-
 @pytest.mark.parametrize("angle", [0.0, -1.2])
 def test_spikes_along_the_marks_of_machining_cause_a_warning(angle):
-    z, s, rng = grooved(angle)
+    z, s, rng = grooved_heights(angle)
     beside = np.abs(s - s.mean()) < 5e-6
     z[beside & (rng.random(z.shape) < 0.06)] += 3e-6
     _, report = fs.condition(open_map(z))
@@ -170,7 +148,7 @@ def test_spikes_along_the_marks_of_machining_cause_a_warning(angle):
 
 def test_exchanged_extremes_agree_with_a_count_on_the_map_with_spikes():
     """Spikes that stay below the summits and above the pits change no extreme; high or deep ones are the extremes."""
-    face = rough().low_pass(8e-6)
+    face = rough_map().low_pass(8e-6)
     z = face.heights
     assert spikes_extreme(face, np.zeros(z.shape), 8e-6) == 0
     middle = np.argsort(np.abs(z - z.mean()), axis=None)[:40]
@@ -186,16 +164,6 @@ def test_exchanged_extremes_agree_with_a_count_on_the_map_with_spikes():
         )
         assert extreme >= np.setdiff1d(high, before).size / high.size - 0.01
         assert least <= extreme <= most
-
-
-def most_memory(work):
-    """Largest memory [byte] that a function takes beyond the memory before."""
-    tracemalloc.start()
-    try:
-        work()
-        return tracemalloc.get_traced_memory()[1]
-    finally:
-        tracemalloc.stop()
 
 
 def test_spikes_of_a_large_map_take_less_memory_than_its_contact():

@@ -4,8 +4,8 @@ from math import nan, pi
 
 import numpy as np
 import pytest
+from measured_maps import grooved_heights, open_map, rough_map
 from numpy.testing import assert_allclose
-from test_repairs import grooved, open_map, rough
 
 from femseal.topography import (
     Topography,
@@ -14,7 +14,7 @@ from femseal.topography.texture import autocorrelation, texture
 
 
 def test_autocorrelation_is_the_mean_over_pairs():
-    face = rough((12, 9), cut_off=None)
+    face = rough_map((12, 9), cut_off=None)
     z = face.heights - face.heights.mean()
     correlation, wide = autocorrelation(face), np.pad(z, 12, constant_values=nan)
     assert correlation.shape == (13, 9)
@@ -38,7 +38,7 @@ def test_texture_of_a_cosine_wave_agrees_with_its_closed_form():
 @pytest.mark.parametrize("shape", [(200, 160), (120, 240)])
 def test_the_direction_of_the_lay_is_that_of_rotated_grooves(degrees, shape):
     """On square and on oblong pixels."""
-    z, _, _ = grooved(np.deg2rad(degrees), shape)
+    z, _, _ = grooved_heights(np.deg2rad(degrees), shape)
     found = texture(open_map(z, (200e-6 / shape[0], 160e-6 / shape[1])))
     assert found.aspect_ratio < 0.2
     assert abs((np.rad2deg(found.lay_direction) - degrees + 90) % 180 - 90) < 0.7
@@ -46,7 +46,7 @@ def test_the_direction_of_the_lay_is_that_of_rotated_grooves(degrees, shape):
 
 
 def test_an_isotropic_face_has_no_lay_and_stretching_gives_it_one():
-    face = rough((240, 240), roll_off=12e-6)
+    face = rough_map((240, 240), roll_off=12e-6)
     face = Topography(face.heights, (1e-6, 1e-6))
     found = texture(face)
     assert found.aspect_ratio > 0.7

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
+from waves_and_noise import SIZE, pixel_centres, standing_wave, white_noise
 
 from femseal.base import InputError
 from femseal.flow import cell_permeability
@@ -15,28 +16,7 @@ from femseal.topography import (
 )
 
 PERIODS = [(True, True), (False, True), (True, False), (False, False)]
-SIZE = (3e-3, 2e-3)
 NOTHING = Topography(np.full((3, 3), np.nan), (1, 1))
-
-
-def centres(shape, size=SIZE):
-    return [(np.arange(n) + 0.5) * length / n for n, length in zip(shape, size, strict=True)]
-
-
-def wave(shape, k, periodic, size=SIZE, phase=(0.3, -0.7)):
-    """A product of waves of number k: cos(2πkx/L + phase) on periodic axes, cos(πkx/L) on mirror axes."""
-    factors = [
-        np.cos(2 * np.pi * kk * x / length + p) if wraps else np.cos(np.pi * kk * x / length)
-        for x, kk, length, wraps, p in zip(
-            centres(shape, size), k, size, periodic, phase, strict=True
-        )
-    ]
-    return Topography(np.outer(*factors), (size[0] / shape[0], size[1] / shape[1]), periodic)
-
-
-def noise(shape, periodic=(True, True), seed=0):
-    spacing = (SIZE[0] / shape[0], SIZE[1] / shape[1])
-    return Topography(np.random.default_rng(seed).standard_normal(shape), spacing, periodic)
 
 
 def holed(share_of=40):
@@ -91,7 +71,7 @@ def test_bad_maps_are_refused(heights, spacing, periodic, message):
         Topography(heights, spacing, (True, periodic))
 
 
-LINE, GRID = noise((1, 5)), noise((8, 6))
+LINE, GRID = white_noise((1, 5)), white_noise((8, 6))
 
 
 #: What uses every point of a map.
@@ -120,7 +100,11 @@ WHOLE = [
         ),
         (methodcaller("crop", (5, 6), (4, 0)), GRID, r"crop: .* \(5, 6\) from \(4, 0\), .* \(8, 6"),
         (methodcaller("flip", 2), GRID, "axis: given 2"),
-        (lambda face: face + noise((4, 6)), GRID, r"shape of the second face: given \(4, 6\)"),
+        (
+            lambda face: face + white_noise((4, 6)),
+            GRID,
+            r"shape of the second face: given \(4, 6\)",
+        ),
         (lambda face: face + Topography(face.heights, (1, 1)), GRID, "spacing of the second face"),
     ],
 )
@@ -135,7 +119,7 @@ def test_invalid_arguments_of_operations_are_refused(use, face, message):
 @pytest.mark.parametrize("periodic", PERIODS)
 @pytest.mark.parametrize("shape", [(24, 18), (25, 17)])
 def test_slope_and_height_of_a_wave(periodic, shape):
-    face = wave(shape, (3, 2), periodic)
+    face = standing_wave(shape, (3, 2), periodic)
     slopes = 0.5 * np.multiply(steps(periodic), (3, 2))
     assert_allclose(face.rms_height, 0.5, rtol=1e-12)
     assert_allclose(face.rms_slopes, slopes, rtol=1e-12)
@@ -143,7 +127,7 @@ def test_slope_and_height_of_a_wave(periodic, shape):
 
 
 def test_slope_of_a_tilted_map_that_is_not_periodic_is_its_tilt():
-    x1, _ = centres((400, 8))
+    x1, _ = pixel_centres((400, 8))
     z = np.tile(0.01 * x1[:, None], (1, 8))
     face = Topography(z, (SIZE[0] / 400, SIZE[1] / 8), (False, True))
     assert_allclose(face.rms_slope, 0.01, rtol=5e-3)
@@ -152,7 +136,7 @@ def test_slope_of_a_tilted_map_that_is_not_periodic_is_its_tilt():
 @pytest.mark.parametrize("periodic", PERIODS)
 @pytest.mark.parametrize("shape", [(16, 10), (15, 10), (7, 1)])
 def test_psd_adds_up_to_the_mean_square(periodic, shape):
-    face = noise(shape, periodic)
+    face = white_noise(shape, periodic)
     for axis, step in enumerate(steps(periodic)):
         q, density = face.psd(axis)
         assert_allclose(q, step * np.arange(q.size))
@@ -163,21 +147,21 @@ def test_psd_adds_up_to_the_mean_square(periodic, shape):
 @pytest.mark.parametrize("periodic", PERIODS)
 def test_radial_psd_integrates_to_the_mean_square(periodic):
     # A spectrum that ends well inside the grid, so that rings are full and the sum over rings converges.
-    face = noise((240, 160), periodic).low_pass(SIZE[1] / 20)
+    face = white_noise((240, 160), periodic).low_pass(SIZE[1] / 20)
     q, density = face.radial_psd()
     integral = np.trapezoid(density * 2 * np.pi * q, q) / (4 * np.pi**2)
     assert_allclose(integral, face.rms_height**2, rtol=0.04)
 
 
 def test_radial_psd_of_white_noise_is_its_pixel_area_times_variance():
-    face = noise((200, 100), (False, True))
+    face = white_noise((200, 100), (False, True))
     q, density = face.radial_psd()
     inside = (q > 2e4) & (q < np.pi / max(face.spacing))
     assert_allclose(density[inside].mean(), np.prod(face.spacing), rtol=0.02)
 
 
 def test_the_gap_is_zero_at_the_highest_point():
-    face = noise((6, 5))
+    face = white_noise((6, 5))
     assert face.gap().min() == 0
     assert_allclose(face.gap() + face.heights, face.heights.max())
 
@@ -188,12 +172,12 @@ def test_the_gap_is_zero_at_the_highest_point():
 @pytest.mark.parametrize("order", [0, 1, 2])
 def test_detrend_removes_the_form_and_changes_nothing_the_second_time(order):
     shape, spacing = (30, 20), (SIZE[0] / 30, SIZE[1] / 20)
-    x1, x2 = np.meshgrid(*centres(shape), indexing="ij")
+    x1, x2 = np.meshgrid(*pixel_centres(shape), indexing="ij")
     terms = [np.ones(shape), 1e-3 * x1 - 2e-3 * x2, 5.0 * x1**2 + 3.0 * x1 * x2 - x2**2]
     for last in range(3):
         left = Topography(sum(terms[: last + 1]), spacing).detrend(order).heights
         assert (np.abs(left).max() < 1e-14) == (last <= order)
-    rough = noise(shape).detrend(order)
+    rough = white_noise(shape).detrend(order)
     assert_allclose(rough.detrend(order).heights, rough.heights, atol=1e-12)
 
 
@@ -226,7 +210,7 @@ def test_detrend_is_the_least_squares_plane_of_the_defined_points():
 @pytest.mark.parametrize("periodic", PERIODS)
 def test_low_pass_keeps_long_waves_and_removes_short_ones_exactly(periodic):
     shape = (48, 40)
-    long, short = wave(shape, (3, 2), periodic), wave(shape, (9, 8), periodic)
+    long, short = standing_wave(shape, (3, 2), periodic), standing_wave(shape, (9, 8), periodic)
     both = long.with_heights(long.heights + short.heights + 4.0)
     limit = 2 * np.pi / np.hypot(*np.multiply(steps(periodic), (3, 2)))  # the long wave itself
     assert_allclose(both.low_pass(limit).heights, long.heights + 4.0, atol=1e-12)
@@ -241,13 +225,15 @@ def test_low_pass_keeps_long_waves_and_removes_short_ones_exactly(periodic):
 @pytest.mark.parametrize("new", [(48, 33), (17, 14), (60, 13), (18, 40), (24, 20)])
 def test_resample_is_exact_on_waves(periodic, shape, new):
     k = (3, 5)
-    resampled = wave(shape, k, periodic).resample(new)
-    assert_allclose(resampled.heights, wave(new, k, periodic).heights, atol=1e-12)
+    resampled = standing_wave(shape, k, periodic).resample(new)
+    assert_allclose(resampled.heights, standing_wave(new, k, periodic).heights, atol=1e-12)
 
 
 @pytest.mark.parametrize("periodic", PERIODS)
 def test_resample_does_not_fold_short_waves(periodic):
-    assert_allclose(wave((32, 32), (10, 3), periodic).resample((9, 20)).heights, 0, atol=1e-12)
+    assert_allclose(
+        standing_wave((32, 32), (10, 3), periodic).resample((9, 20)).heights, 0, atol=1e-12
+    )
 
 
 @settings(max_examples=40, deadline=None)
@@ -258,7 +244,7 @@ def test_resample_does_not_fold_short_waves(periodic):
 )
 def test_resample_up_and_down_again_is_the_identity(shape, more, periodic):
     # White noise, so the Nyquist wave of an even number of points takes part.
-    face = noise(shape, periodic)
+    face = white_noise(shape, periodic)
     up = face.resample(tuple(np.add(shape, more)))
     assert_allclose(up.size, face.size)
     assert_allclose(up.resample(shape).heights, face.heights, atol=1e-12)
@@ -272,7 +258,7 @@ def test_resample_up_and_down_again_is_the_identity(shape, more, periodic):
 
 
 def test_undefined_points_of_a_plane_are_filled_exactly():
-    x1, x2 = np.meshgrid(*centres((30, 24)), indexing="ij")
+    x1, x2 = np.meshgrid(*pixel_centres((30, 24)), indexing="ij")
     plane = 1e-3 * x1 - 2e-3 * x2 + 1.0
     z = plane.copy()
     z[5:9, 10:14] = z[20, 3] = np.nan
@@ -316,7 +302,7 @@ def test_crop_keeps_periodicity_of_whole_axes_only():
 
 
 def test_flipping_and_adding_act_on_the_heights():
-    face = noise((8, 6), (False, True), seed=1)
+    face = white_noise((8, 6), (False, True), seed=1)
     assert_allclose(face.flip(0).heights, face.heights[::-1])
     assert_allclose(face.flip(1).flip(1).heights, face.heights)
     assert_allclose((GRID + face).heights, GRID.heights + face.heights)

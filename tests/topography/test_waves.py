@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from test_topography import noise
+from waves_and_noise import white_noise
 
 from femseal.topography.waves import wave_powers, wavenumber_grids
 
@@ -12,7 +12,7 @@ from femseal.topography.waves import wave_powers, wavenumber_grids
 @pytest.mark.parametrize("shape", [(24, 18), (25, 17)])
 def test_slopes_and_spectra_of_half_the_waves_are_those_of_all(shape, periodic):
     """Of even and odd numbers of points: a Nyquist wave is its own conjugate."""
-    rough = noise(shape, periodic)
+    rough = white_noise(shape, periodic)
     low = rough.low_pass(0.5e-3)
     assert_allclose(rough.rms_slope_of_long_waves(0.5e-3), low.rms_slope, rtol=1e-12)
     powers = wave_powers(rough.heights, periodic)
