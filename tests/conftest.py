@@ -48,7 +48,7 @@ def image_sum(x, y, period, spacing, modulus):
 
 
 def spectral(pressure, half_space):
-    """K p by full complex transforms, 2/(E*|q|), of the even extension of mirror axes."""
+    """Displacement under a pressure, by full complex transforms: 2/(E*|q|) p, of the even extension of mirror axes."""
     p = np.asarray(pressure, dtype=float)
     for axis, kind in enumerate(half_space.boundary):
         if kind == "mirror":
@@ -64,7 +64,10 @@ def spectral(pressure, half_space):
 
 
 def matrix(half_space):
-    """Dense K (n1·n2, n1·n2) of any pair of boundary kinds; with one free axis up to a constant."""
+    """Displacement of each point under a unit pressure on each other point, as a dense matrix (n1·n2, n1·n2).
+
+    It holds for any pair of boundary kinds; with one free axis, up to a constant.
+    """
     (n1, n2), (d1, d2) = half_space.shape, half_space.spacing
     if "free" not in half_space.boundary:
         unit = np.eye(n1 * n2).reshape(-1, n1, n2)
@@ -90,17 +93,19 @@ def matrix(half_space):
 
 
 def steps(n):
-    """Differences of two of n indices, the one k at index k as Python counts: 0 … n − 1, 1 − n … −1."""
+    """Differences i − j of two of n indices, of which `steps(n)[i - j]` is i − j, also where it is negative."""
     return np.r_[:n, 1 - n : 0]
 
 
 @pytest.fixture
 def dense_operator():
+    """A function that returns the displacements of a half-space under pressures as a dense matrix, by closed forms."""
     return matrix
 
 
 @pytest.fixture
 def spectral_displacement():
+    """A function that returns the displacement under a pressure by plain transforms, without free boundaries."""
     return spectral
 
 
@@ -133,9 +138,9 @@ def _plain_terminal():
 
 @contextmanager
 def _pictures(figures, rendered_formats):
-    """Pictures of results folders are made by these functions.
+    """Pictures of results folders are made by these two functions.
 
-    They draw each figure, and return the content of a figure in several formats.
+    The first one returns functions that draw the figures of a run, the second the content of a figure in several formats.
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("femseal.report.pictures._figures", figures)
@@ -149,9 +154,9 @@ def _nothing(figure, formats):
 
 @pytest.fixture(autouse=True, scope="session")
 def _how_pictures_are_made():
-    """Pictures of results folders are files of their kind with nothing in them: drawing takes longer than a small run.
+    """Replace the pictures of results folders by files of their kind with nothing in them: to draw takes too long.
 
-    The value has the functions that make them outside of tests.
+    Tests receive the two functions that make the pictures outside of tests.
     """
     from femseal.report import pictures
 
@@ -176,7 +181,7 @@ def undrawn(_how_pictures_are_made):
 
 @pytest.fixture
 def contacts(monkeypatch):
-    """Nominal pressures of the contacts that are solved."""
+    """A list that receives the nominal pressure of every contact that is solved in this process."""
     from femseal.contact import solver
 
     solved, check = [], solver._checked_pressure
@@ -209,7 +214,7 @@ def femseal(monkeypatch, capsys):
 
 @pytest.fixture(autouse=True)
 def _no_figures_left():
-    """Figures of pyplot stay open until somebody closes them."""
+    """Close the figures of pyplot, which would stay open until the end of the process."""
     yield
     if (pyplot := sys.modules.get("matplotlib.pyplot")) is not None:
         pyplot.close("all")

@@ -2,6 +2,7 @@
 
 import re
 import tomllib
+from pathlib import Path
 
 from femseal.case import Case, case_template
 from femseal.fluids import Liquid
@@ -181,3 +182,11 @@ def template_cases():
         if kind and not LAYOUTS[kind].has_length:
             del case["stochastic"]["length"]
         yield case
+
+
+def small_turned_seal():
+    """Tables of the case of a turned seal that is shipped, with a small face and few cells."""
+    path = Path(__file__).parents[1] / "examples" / "turned_seal.toml"
+    tables = tomllib.loads(path.read_text(encoding="utf-8"))
+    tables["face"] |= {"points": [64, 96], "size": ["60 um", "120 um"], "pitch": "30 um"}
+    return tables | {"cells": {"count": [2, 4]}}

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from small_cases import small_turned_seal
 
 import femseal as fs
 from femseal.base import quantities
@@ -22,9 +23,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def data():
-    case = tomllib.loads((ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8"))
-    case["face"] |= {"points": [64, 96], "size": ["60 um", "120 um"], "pitch": "30 um"}
-    case["cells"] = {"count": [2, 4]}
+    case = small_turned_seal()
     case["stochastic"] = {"length": "1 mm", "realisations": 4}
     case["load"] = {
         "loading": ["50 MPa", "100 MPa"],

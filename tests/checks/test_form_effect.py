@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from larger_faces import SIDE, D, N, patch_of_larger_face
 from numpy.testing import assert_allclose
 
 import femseal as fs
@@ -18,22 +19,13 @@ from femseal.loads import LoadProgramme
 from femseal.preparation import prepare
 from femseal.runs.run_description import describe
 
-N, D = 192, 1e-6
-SIDE = N * D
 E, H = 115e9, 0.15 * 115e9 * 0.05
-
-
-def rough(seed=1, roll_off=SIDE / 8, cut_off=8 * D, n=N):
-    """A patch of a larger face: it is not periodic, and lost its tilt."""
-    waves = {"rms_slope": 0.05, "roll_off": roll_off, "cut_off": cut_off, "rng": seed}
-    larger = fs.self_affine((2 * n, 2 * n), (2 * n * D, 2 * n * D), hurst=0.8, **waves)
-    return larger.crop((n, n)).detrend(1)
 
 
 def crowned(height, seed=1):
     """A patch with a parabola along x1 that is so much lower at both ends."""
     x1 = (np.arange(N) + 0.5) * D - SIDE / 2
-    face = rough(seed)
+    face = patch_of_larger_face(seed)
     return face.with_heights(face.heights - height * (2 * x1[:, None] / SIDE) ** 2).detrend(1)
 
 
@@ -69,7 +61,7 @@ def test_few_points_show_the_effect_of_the_form_on_all_points(height):
 
 
 def test_permeabilities_of_patches_add_up_side_by_side():
-    patches, loads, law = (crowned(1e-6), rough(2)), [0.06 * H], PerfectlyPlastic(H)
+    patches, loads, law = (crowned(1e-6), patch_of_larger_face(2)), [0.06 * H], PerfectlyPlastic(H)
     joint = solve_form_effect(fs.Patches(patches), E, law, loads)
     first, second = (solve_form_effect(patch, E, law, loads).permeability for patch in patches)
     assert abs(np.log(first[0] / first[1])) > 0.5

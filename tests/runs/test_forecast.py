@@ -2,13 +2,13 @@
 
 import re
 import time
-import tomllib
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from small_cases import small_turned_seal
 
 import femseal as fs
 from femseal.case import parse_case
@@ -27,10 +27,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def data():
-    case = tomllib.loads((ROOT / "examples" / "turned_seal.toml").read_text(encoding="utf-8"))
-    case["face"] |= {"points": [64, 96], "size": ["60 um", "120 um"], "pitch": "30 um"}
-    case["cells"] = {"count": [2, 4]}
-    return case | {"method": "deterministic", "compare": []}
+    return small_turned_seal() | {"method": "deterministic", "compare": []}
 
 
 @pytest.fixture

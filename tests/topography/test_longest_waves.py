@@ -4,20 +4,11 @@ import warnings
 
 import numpy as np
 import pytest
+from larger_faces import SIDE, D, N, patch_of_larger_face
 from numpy.testing import assert_allclose
 
 import femseal as fs
 from femseal.topography import representative
-
-N, D = 192, 1e-6
-SIDE = N * D
-
-
-def rough(seed=1, roll_off=SIDE / 8, cut_off=8 * D, n=N):
-    """Make a patch of a larger surface: it is not periodic, and has lost its tilt."""
-    waves = {"rms_slope": 0.05, "roll_off": roll_off, "cut_off": cut_off, "rng": seed}
-    larger = fs.self_affine((2 * n, 2 * n), (2 * n * D, 2 * n * D), hurst=0.8, **waves)
-    return larger.crop((n, n)).detrend(1)
 
 
 @pytest.mark.parametrize("shape", [(2, 64), (64, 2), (3, 200), (1, 64), (5, 5), (4, 1000)])
@@ -36,7 +27,7 @@ def test_a_narrow_patch_is_described_without_a_warning_of_numpy(shape, periodic)
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_roll_off_within_the_patch_is_found(seed):
-    waves = representative(rough(seed, SIDE / 5, cut_off=4 * D))
+    waves = representative(patch_of_larger_face(seed, SIDE / 5, cut_off=4 * D))
     assert_allclose(waves.longest, SIDE / 5, rtol=0.25)
     assert_allclose(waves.waves, (5, 5), rtol=0.25)
     assert not waves.rises
@@ -44,7 +35,7 @@ def test_a_roll_off_within_the_patch_is_found(seed):
 
 
 def test_the_plateau_has_the_density_of_its_waves():
-    face = rough(3, SIDE / 5, cut_off=4 * D, n=2 * N)
+    face = patch_of_larger_face(3, SIDE / 5, cut_off=4 * D, n=2 * N)
     waves = representative(face.crop((N, N)).detrend(1))
     assert waves.roll_off == waves.longest
     # the plateau of all waves from the roll-off to the cut-off with a rms slope of 0.05
@@ -57,7 +48,7 @@ def test_the_plateau_has_the_density_of_its_waves():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_spectrum_that_rises_up_to_the_side_has_longer_waves(seed):
-    waves = representative(rough(seed, roll_off=2 * SIDE))
+    waves = representative(patch_of_larger_face(seed, roll_off=2 * SIDE))
     assert waves.rises
     assert waves.roll_off is None
     assert min(waves.waves) < 2.5
@@ -76,6 +67,10 @@ def test_waves_without_a_power_law_are_counted_by_the_autocorrelation():
 
 
 def test_of_several_patches_the_one_with_fewest_waves_counts():
-    patches = [rough(1, SIDE / 5, 4 * D), rough(2, 2 * SIDE), rough(3, SIDE / 5, 4 * D)]
+    patches = [
+        patch_of_larger_face(1, SIDE / 5, 4 * D),
+        patch_of_larger_face(2, 2 * SIDE),
+        patch_of_larger_face(3, SIDE / 5, 4 * D),
+    ]
     waves = representative(fs.Patches(patches))
     assert waves == representative(patches[1])
