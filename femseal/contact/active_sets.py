@@ -34,7 +34,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 
-from .conjugate_gradients import Directions, StepLimits, conjugate_gradients
+from .conjugate_gradients import ConjugateSteps, StepLimits, conjugate_gradients
 from .descent import Solution, descend
 from .workspace import Loops, Problem, Workspace
 
@@ -95,13 +95,13 @@ class EnergyReduction(NamedTuple):
     """Result of the second part of an iteration, the reduction of the energy by conjugate gradients.
 
     step : length c [Pa/m] of the next projection step.
-    directions : scalars needed to continue the conjugate gradients; None to restart them.
+    conjugate_steps : steps of conjugate gradients that can be continued; None to restart the conjugate gradients.
     is_fresh : whether v was computed from p by a product. Conjugate gradients only update v at points near contact.
     products : number of products with K.
     """
 
     step: float
-    directions: Directions | None = None
+    conjugate_steps: ConjugateSteps | None = None
     is_fresh: bool = True
     products: int = 0
 
@@ -448,12 +448,12 @@ def _reduce_energy(
         sets.n_free,
         evaluation.delta,
         StepLimits(solver.limits.steps, drop),
-        reduction.directions if solver.law.keeps_directions else None,
+        reduction.conjugate_steps if solver.law.keeps_directions else None,
     )
     longest_step = min(solver.grid.stiffness, sets.damping * 2.0 * result.least_stiffness)
     is_fresh = reduction.is_fresh and result.steps == 0
     step = max(solver.shortest_step, longest_step)
-    return EnergyReduction(step, result.directions, is_fresh, result.steps)
+    return EnergyReduction(step, result, is_fresh, result.steps)
 
 
 def _evaluate(
@@ -469,8 +469,9 @@ def _evaluate(
     c = reduction.step
     delta = previous.delta
     while True:
-        # r2 and y2 are ‖p − y‖² and ‖y‖². `changed_r2` is ‖p − y‖² of the `n_changed` points whose state would change.
-        delta, can_carry, r2, y2, n_changed, changed_r2 = solver.law.evaluate(sets.n_near, c, delta)
+        delta, can_carry, squared_difference, squared_projection, n_changed, squared_change = (
+            solver.law.evaluate(sets.n_near, c, delta)
+        )
         is_complete = can_carry and delta <= sets.reach
         lists_all_points = sets.reach == inf
         if is_complete or lists_all_points or not reduction.is_fresh:
@@ -482,12 +483,13 @@ def _evaluate(
             # the listed points cannot carry the load, or `reach` is NaN: list all points
             reach = inf
         sets = _list_again(solver, sets, reach, margin)
-    if y2 > 0.0:
-        relative_difference = sqrt(r2 / y2)
+    if squared_projection > 0.0:
+        relative_difference = sqrt(squared_difference / squared_projection)  # ‖p − y‖/‖y‖
     else:
-        relative_difference = inf if r2 > 0.0 else 0.0
+        relative_difference = inf if squared_difference > 0.0 else 0.0
     # approximately the residual for the step length c₀
     residual = relative_difference * (solver.grid.stiffness / c)
     is_slow = residual > 0.5 * previous.residual
-    needs_change = changed_r2 > _FRACTION * r2 or is_slow
+    is_wrong_state_important = squared_change > _FRACTION * squared_difference
+    needs_change = is_wrong_state_important or is_slow
     return sets, Evaluation(delta, residual, sets_change=n_changed > 0 and needs_change)

@@ -29,28 +29,19 @@ class StepLimits(NamedTuple):
     drop: float
 
 
-class Directions(NamedTuple):
-    """State of the conjugate gradients on one set of free points.
-
-    total_ones : sum of all components of M1, the preconditioner M applied to a vector of ones.
-    wr : product w·r of the next direction, which has been computed but not yet used.
-    """
-
-    total_ones: float
-    wr: float
-
-
 class ConjugateSteps(NamedTuple):
-    """Result of a few steps of conjugate gradients.
+    """Result of a few steps of conjugate gradients, and what is needed to continue them on the same free points.
 
-    directions : scalars needed to continue the conjugate-gradient iteration after the last step.
     steps : number of steps, each with a product of K with a direction.
     least_stiffness : smallest Rayleigh quotient d·d/(d·Kd) of the directions d [Pa/m]; infinite without a step.
+    total_ones : sum of all components of M1, the preconditioner M applied to a vector of ones.
+    next_wr : product w·r of the next direction, which has been computed but not yet used.
     """
 
-    directions: Directions
     steps: int
     least_stiffness: float
+    total_ones: float
+    next_wr: float
 
 
 def conjugate_gradients(
@@ -59,7 +50,7 @@ def conjugate_gradients(
     n_free: int,
     delta: float,
     limits: StepLimits,
-    directions: Directions | None = None,
+    previous: ConjugateSteps | None = None,
 ) -> ConjugateSteps:
     """Perform a few steps of conjugate gradients on the free points.
 
@@ -75,26 +66,28 @@ def conjugate_gradients(
         Approach δ [m].
     limits : StepLimits
         When to stop.
-    directions : Directions, optional
-        Scalars needed to continue an earlier iteration on the same free points. By default, the iteration begins with
-        the steepest descent.
+    previous : ConjugateSteps, optional
+        Earlier steps on the same free points, which are continued. By default, the iteration begins with the steepest
+        descent.
 
     Returns
     -------
     ConjugateSteps
     """
-    if directions is None:
+    if previous is None:
         total_ones = loops.restart(n_free, delta)
         # without a previous direction, only the first direction is computed
         *_no_step, first_wr = loops.step(n_near, n_free, inf, total_ones)
     else:
-        total_ones, first_wr = directions
-    wr = first_wr
+        total_ones = previous.total_ones
+        first_wr = previous.next_wr
     # if the residual on the free points is only a rounding error, only a change of the sets can help
     most_steps = limits.steps if first_wr > _FLAT * delta**2 * total_ones else 0
+    last_wr = limits.drop * first_wr
+    wr = first_wr
     least_stiffness = inf
     steps = 0
-    while steps < most_steps and wr > 0.0 and wr >= limits.drop * first_wr:
+    while steps < most_steps and wr > 0.0 and wr >= last_wr:
         loops.search()  # computes Kd
         curvature, squared_length, is_made, wr = loops.step(n_near, n_free, wr, total_ones)
         steps += 1
@@ -102,4 +95,4 @@ def conjugate_gradients(
             break
         if curvature > 0.0:
             least_stiffness = min(least_stiffness, squared_length / curvature)
-    return ConjugateSteps(Directions(total_ones, wr), steps, least_stiffness)
+    return ConjugateSteps(steps, least_stiffness, total_ones, wr)
