@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ..base import Array
+from ..base import Array, Flags
 
 #: Depths [m] between which the curve is divided at first, in addition to the depths at which its formula changes. The
 #: largest of these depths exceeds the plastic deformation of any contact.
@@ -69,33 +69,25 @@ class CurvePieces:
         edges = np.unique(np.r_[0.0, bends, _FIRST_DEPTHS])
         # beginnings and ends of the pieces that are not yet accurate, (pieces,)
         start, end = edges[:-1], edges[1:]
-        initial_hardness = float(yield_pressure(np.zeros(1))[0])
+        lowest = _LOWEST * float(yield_pressure(np.zeros(1))[0])
         # beginnings and coefficients of the accurate pieces, in lists of arrays
         depths = []
         coefficients = []
         for division in range(_MOST_DIVISIONS):
             width = end - start
-            # Coefficients of the cubic through four points, (piece, power). The variable of the cubic is the position
-            # within the piece, from 0 to 1.
-            fitted = _values(yield_pressure, start, width, _FITTED)
-            cubic = fitted @ _TO_COEFFICIENTS
-            # difference between cubic and curve at other positions, (piece, position)
-            values = _values(yield_pressure, start, width, _COMPARED)
-            error = np.abs(cubic @ _TO_VALUES - values)
-            # where the hardness has fallen to nearly nothing, it need not be accurate to a fraction of itself
-            allowed = _TOLERANCE * np.maximum(np.abs(values), _LOWEST * initial_hardness)
-            is_accurate = np.all(error <= allowed, axis=1)
+            cubic, is_accurate, fall_or_rise = _fitted_cubics(yield_pressure, start, width, lowest)
             # a piece around a kink at an unknown depth is divided until it is very narrow, and then becomes a straight
             # line, which does not overshoot
-            is_narrow = ~is_accurate & ((width <= _NARROWEST) | (division == _MOST_DIVISIONS - 1))
-            cubic[is_narrow, 1] = (fitted[:, -1] - fitted[:, 0])[is_narrow]
-            cubic[is_narrow, 2:] = 0.0
-            is_accurate |= is_narrow
-            depths.append(start[is_accurate])
+            is_last_division = division == _MOST_DIVISIONS - 1
+            is_kink = ~is_accurate & ((width <= _NARROWEST) | is_last_division)
+            cubic[is_kink, 1] = fall_or_rise[is_kink]
+            cubic[is_kink, 2:] = 0.0
+            is_finished = is_accurate | is_kink
+            depths.append(start[is_finished])
             # convert the coefficients from positions within the piece to depths
-            scale = width[is_accurate, None] ** np.arange(4)
-            coefficients.append(cubic[is_accurate] / scale)
-            start, end = start[~is_accurate], end[~is_accurate]
+            scale = width[is_finished, None] ** np.arange(4)
+            coefficients.append(cubic[is_finished] / scale)
+            start, end = start[~is_finished], end[~is_finished]
             if start.size == 0:
                 break
             if sum(map(len, depths)) + 2 * start.size > _MOST_PIECES:
@@ -153,6 +145,32 @@ class CurvePieces:
         s = deformation - self.depth[piece]
         a0, a1, a2, a3 = np.moveaxis(self.coefficients[piece], -1, 0)
         return a0 + s * (a1 + s * (a2 + s * a3))
+
+
+def _fitted_cubics(
+    yield_pressure: Callable[[Array], Array], start: Array, width: Array, lowest: float
+) -> tuple[Array, Flags, Array]:
+    """Fit a cubic to the curve in each piece, and check its error between the fitted points.
+
+    start, width : beginning and width of each piece [m], (pieces,).
+    lowest : hardness [Pa] to which the error is relative if the hardness is smaller.
+
+    Returns
+    -------
+    cubic : coefficients [Pa] of the cubic through four points of each piece, (piece, power). The variable of the cubic
+        is the position within the piece, from 0 to 1.
+    is_accurate : whether the cubic agrees with the curve, (pieces,).
+    fall_or_rise : hardness at the end of each piece minus that at its beginning [Pa], (pieces,).
+    """
+    fitted = _values(yield_pressure, start, width, _FITTED)
+    cubic = fitted @ _TO_COEFFICIENTS
+    # difference between cubic and curve at other positions, (piece, position)
+    values = _values(yield_pressure, start, width, _COMPARED)
+    error = np.abs(cubic @ _TO_VALUES - values)
+    # where the hardness has fallen to nearly nothing, it need not be accurate to a fraction of itself
+    allowed = _TOLERANCE * np.maximum(np.abs(values), lowest)
+    is_accurate = np.all(error <= allowed, axis=1)
+    return cubic, is_accurate, fitted[:, -1] - fitted[:, 0]
 
 
 def _values(

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ..base import Array, Flags, NotConverged
+from ..base import Array, Flags, NotConverged, Shape
 from .contact_fields import Contact
 from .law import ContactLaw
 from .nested_grids import Level, solve_straight_law
@@ -40,6 +40,55 @@ _SHORTEST_STEP, _SLOW = 0.125, 0.9
 _SMALL_STIFFNESS = 0.1
 
 
+class _Deformation:
+    """Plastic deformation at which the tangents touch the curve, and the steps by which the sequence changes it.
+
+    u : plastic deformation of each point [m], (n1, n2).
+    change : last change of u [m].
+    step : fraction of the computed change that is applied.
+    mismatch : relative difference between pressure and law before the last change.
+    """
+
+    def __init__(self, law: ContactLaw, shape: Shape) -> None:
+        self.law = law
+        self.u = np.zeros(shape)
+        self.change = np.zeros(shape)
+        self.step = 1.0
+        self.mismatch = inf
+
+    def increase(self, mean_pressure: float) -> None:
+        """Increase the deformation of all points by the same length, so that the curve can carry the load."""
+        self.u = self.u + _increase_to_carry(self.law, self.u, mean_pressure)
+
+    def move_towards(self, next_u: Array, mismatch: float) -> None:
+        """Move the deformation towards that of the last contact, by a step that prevents oscillations.
+
+        next_u : plastic deformation of the last contact [m], (n1, n2).
+        mismatch : relative difference between pressure and law in the last contact.
+        """
+        # Tangents of a curve that hardens abruptly may alternate between two states, which shorter steps end. A law
+        # that softens converges slowly with full steps, too, and shorter ones would stop it.
+        is_slow = mismatch > _SLOW * self.mismatch
+        if is_slow and not _softens(self.law, next_u):
+            self.step = max(0.5 * self.step, _SHORTEST_STEP)
+        else:
+            self.step = min(1.0, 2 * self.step)
+        self.mismatch = mismatch
+        fraction = np.where(self._oscillates(next_u), 0.5, 1.0)
+        self.change = self.step * fraction * (next_u - self.u)
+        self.u = self.u + self.change
+
+    def _oscillates(self, next_u: Array) -> Flags:
+        """Return whether the law of a point softens and its deformation would turn back, for each point (n1, n2)."""
+        turns_back = (next_u - self.u) * self.change < 0
+        if turns_back.any():
+            part, turning = _law_of_points(self.law, turns_back)
+            modulus_now = part.hardening_modulus(self.u[turning])
+            next_modulus = part.hardening_modulus(next_u[turning])
+            turns_back[turning] &= np.minimum(modulus_now, next_modulus) < 0
+        return turns_back
+
+
 def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
     """Solve a contact with a curved law by a sequence of contacts in which tangents replace the law.
 
@@ -56,31 +105,20 @@ def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
     NotConverged
         After `_MOST_TANGENTS` contacts, the pressures and plastic deformations still do not agree with the law.
     """
-    shape = level.half_space.shape
     stiffness = level.half_space.stiffness
-    constant_depth = law.constant_depth
+    deformation = _Deformation(law, level.half_space.shape)
     iterations = 0
     fft_pairs = 0
-    u = np.zeros(shape)
-    change = np.zeros(shape)
     pressure = None
     tolerance = rtol
-    step = 1.0
-    former_mismatch = inf
     for _ in range(_MOST_TANGENTS):
-        line, depth = _tangent_from_depth(law, level.line, u)
-        if level.mean_pressure >= line.capacity * (1 - 1e-9):
-            # the curve can carry the load at a larger deformation, of all points together or on a tangent that rises
-            u = u + _increase_to_carry(law, u, level.mean_pressure)
-            line, depth = _tangent_from_depth(law, level.line, u)
-        if level.mean_pressure >= line.capacity * (1 - 1e-9):
-            slope = np.maximum(line.slope, _SMALL_STIFFNESS * stiffness)
-            line = replace(line, slope=slope)
+        line, depth = _tangents_that_carry(law, level, deformation)
         tangent_level = level._replace(gap0=level.gap0 + depth, line=line)
         contact = solve_straight_law(tangent_level, tolerance, pressure)
         iterations += contact.iterations
         fft_pairs += contact.fft_pairs
-        if line is level.line and contact.plastic_deformation.max() <= constant_depth:
+        uses_first_line = line is level.line
+        if uses_first_line and contact.plastic_deformation.max() <= law.constant_depth:
             return replace(contact, iterations=iterations, fft_pairs=fft_pairs)
         pressure = contact.pressure
         raw_gap = contact.raw_gap - depth
@@ -92,27 +130,37 @@ def solve_by_tangents(law: ContactLaw, level: Level, rtol: float) -> Contact:
                 contact = _with_gap(contact, raw_gap, is_plastic=next_u > 0)
             return replace(contact, iterations=iterations, fft_pairs=fft_pairs)
         tolerance = max(rtol, min(_LARGEST_TANGENT_RTOL, _TANGENT_RTOL * mismatch))
-        turns_back = (next_u - u) * change < 0
-        if turns_back.any():
-            part, turning = _law_of_points(law, turns_back)
-            modulus = (part.hardening_modulus(values[turning]) for values in (u, next_u))
-            turns_back[turning] &= np.minimum(*modulus) < 0
-        # Tangents of a curve that hardens abruptly may alternate between two states, which shorter steps end. A law
-        # that softens converges slowly with full steps, too, and shorter ones would stop it.
-        is_slow = mismatch > _SLOW * former_mismatch
-        if is_slow and not _softens(law, next_u):
-            step = max(0.5 * step, _SHORTEST_STEP)
-        else:
-            step = min(1.0, 2 * step)
-        former_mismatch = mismatch
-        change = step * np.where(turns_back, 0.5, 1.0) * (next_u - u)
-        u = u + change
+        deformation.move_towards(next_u, mismatch)
     raise NotConverged(
         f"contact: after {_MOST_TANGENTS} linearisations of the contact law, the relative difference between the "
         f"pressure and the law is still {mismatch:.1e}, wanted {rtol:.1e}; try a law that softens less, such as a "
         "smoother table or a larger smallest depth, or a finer grid",
         mismatch,
     )
+
+
+def _tangents_that_carry(
+    law: ContactLaw, level: Level, deformation: _Deformation
+) -> tuple[YieldLine, float | Array]:
+    """Compute the tangents of a law, and the depths from which they apply, such that the tangents can carry the load.
+
+    If the tangents at the present deformation cannot carry the load, the deformation of all points is increased. If
+    this does not suffice, the tangents are replaced by lines with a small positive slope.
+    """
+    line, depth = _tangent_from_depth(law, level.line, deformation.u)
+    if not _can_carry(line, level):
+        # the curve can carry the load at a larger deformation, of all points together or on a tangent that rises
+        deformation.increase(level.mean_pressure)
+        line, depth = _tangent_from_depth(law, level.line, deformation.u)
+    if not _can_carry(line, level):
+        least_slope = _SMALL_STIFFNESS * level.half_space.stiffness
+        line = replace(line, slope=np.maximum(line.slope, least_slope))
+    return line, depth
+
+
+def _can_carry(line: YieldLine, level: Level) -> bool:
+    """Return whether linear laws can carry the load of a contact, with some margin for rounding errors."""
+    return level.mean_pressure < line.capacity * (1 - 1e-9)
 
 
 def _tangent_from_depth(
