@@ -21,17 +21,14 @@ the iteration does not converge, or the law softens steeply, `tangent_sequence` 
 from __future__ import annotations
 
 from dataclasses import replace
-from math import inf, isfinite, sqrt
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ..base import Array, NotConverged
-from .active_sets import ActiveSets, solve_active_sets
+from .active_sets import solve_active_sets
 from .contact_fields import Contact
-from .curve_loops import FIRST, TANGENT, CurveLines, ShiftedCurve, follow_curve
-from .curve_pieces import CurvePieces
-from .descent import Solution
+from .curve_tangents import Curve, CurveTangents
 from .law import ContactLaw
 from .nested_grids import (
     COARSE_ITERATIONS,
@@ -39,12 +36,10 @@ from .nested_grids import (
     COARSEST,
     Level,
     check_solution,
-    make_contact,
     solve_straight_law,
 )
-from .point_arrays import LinearLaw
 from .tangent_sequence import solve_by_tangents
-from .workspace import Problem, Workspace, coarsened, workspace
+from .workspace import workspace
 from .yield_line import YieldLine
 
 #: Largest number of iterations on the given grid.
@@ -56,62 +51,6 @@ _STEEPEST_FALL = 0.4
 #: value, the curve is used on the next finer grid. The error is computed for the plastic deformation on the coarse grid
 #: divided by the second value, because asperities yield deeper on a finer grid.
 _COARSE_ERROR, _COARSE_DEPTH = 1e-3, 0.6
-#: The damping is reduced if the residual has become larger than this fraction of its value at the previous change of
-#: the sets.
-_SLOW = 0.9
-#: Largest number of steps of Newton's method for the approach.
-_APPROACH_STEPS = 80
-#: The approach is accurate enough if the relative error of the load is at most the first value times the residual, and
-#: at most the second value. A relative error below the third value is a rounding error.
-_LOAD_ERROR, _LARGEST_LOAD_ERROR, _SMALLEST_LOAD_ERROR = 0.3, 1e-2, 1e-14
-#: Largest last correction of the approach, multiplied by c and divided by the mean pressure of the listed points.
-_LARGEST_CORRECTION = 0.1
-#: First step of the approach [m] if no point resists the approach; and length of a step [m] beyond which the listed
-#: points are assumed to be unable to carry the load.
-_FIRST_STEP, _LARGEST_STEP = 1e-9, 1e-2
-
-
-class _Curve(NamedTuple):
-    """Contact law H(u + u₀) − p_f of all points on one of the nested grids.
-
-    pieces : curve H(u), the same for all points.
-    constant_depth : depth [m] up to which H(u) is constant.
-    earlier : earlier plastic deformation u₀ [m], one value for all points (1, 1) or one for each point (n1, n2).
-    fluid : fluid pressure p_f [Pa], one value for all points (1, 1) or one for each point (n1, n2).
-    """
-
-    pieces: CurvePieces
-    constant_depth: float
-    earlier: Array
-    fluid: Array
-
-    @classmethod
-    def of(cls, law: ContactLaw) -> _Curve | None:
-        """Represent a contact law as a curve H(u) of cubic pieces, with u₀ and p_f of each point.
-
-        Returns None in two cases: if the laws of different points differ in more than u₀ and p_f, or if the curve needs
-        too many cubic pieces.
-        """
-        shifted = law.shifted()
-        if not shifted.law.is_uniform:
-            return None
-        pieces = shifted.law.pieces
-        if pieces is None:
-            return None
-        return cls(
-            pieces.times(shifted.factor),
-            shifted.law.constant_depth,
-            np.atleast_2d(shifted.earlier_deformation),
-            np.atleast_2d(shifted.fluid_pressure),
-        )
-
-    def coarser(self) -> _Curve:
-        """Return the contact law on the next coarser grid, with averages of u₀ and p_f over 2 × 2 points."""
-        earlier, fluid = (
-            coarsened(values) if values.size > 1 else values
-            for values in (self.earlier, self.fluid)
-        )
-        return self._replace(earlier=earlier, fluid=fluid)
 
 
 def solve_curved_law(law: ContactLaw, level: Level, rtol: float) -> Contact:
@@ -133,7 +72,7 @@ def solve_curved_law(law: ContactLaw, level: Level, rtol: float) -> Contact:
     """
     if level.mean_pressure == 0:
         return solve_straight_law(level, rtol)
-    curve = _Curve.of(law)
+    curve = Curve.of(law)
     stiffness = level.half_space.stiffness
     if curve is None or curve.pieces.steepest_fall > _STEEPEST_FALL * stiffness:
         return solve_by_tangents(law, level, rtol)
@@ -143,7 +82,7 @@ def solve_curved_law(law: ContactLaw, level: Level, rtol: float) -> Contact:
         return solve_by_tangents(law, level, rtol)
 
 
-def _solve_on_nested_grids(curve: _Curve, level: Level, rtol: float) -> Contact:
+def _solve_on_nested_grids(curve: Curve, level: Level, rtol: float) -> Contact:
     """Solve a contact with a curved law on nested grids, beginning with the coarsest grid.
 
     The straight line of `level` is the tangent of the curve at u = 0. On a coarse grid, the contact is first solved
@@ -181,7 +120,7 @@ class _Start(NamedTuple):
     needs_curve: bool
 
 
-def _start_with_line_or_curve(curve: _Curve, level: Level, offset: float) -> _Start:
+def _start_with_line_or_curve(curve: Curve, level: Level, offset: float) -> _Start:
     """Solve a contact on all coarser grids, using the straight line of `level` while it is accurate enough.
 
     offset : reference height [m] from which heights are measured.
@@ -216,12 +155,12 @@ def _start_with_line_or_curve(curve: _Curve, level: Level, offset: float) -> _St
     return _Start(pressure, delta, needs_curve)
 
 
-def _error_of_line(curve: _Curve, line: YieldLine, pressure: Array, overlap: Array) -> float:
+def _error_of_line(curve: Curve, line: YieldLine, pressure: Array, overlap: Array) -> float:
     """Compute the relative error of a linear law, ‖line − curve‖/‖pressure‖ over the points that yield.
 
     Parameters
     ----------
-    curve : _Curve
+    curve : Curve
         Curved contact law of the points.
     line : YieldLine
         Linear contact law with which the contact was solved.
@@ -247,171 +186,3 @@ def _error_of_line(curve: _Curve, line: YieldLine, pressure: Array, overlap: Arr
     on_curve = curve.pieces.hardness(earlier + deformation) - fluid
     difference = on_line - on_curve
     return float(np.linalg.norm(difference) / np.linalg.norm(pressure))
-
-
-class CurveTangents:
-    """Tangents of the curved contact law at the present plastic deformation of each point, for `solve_active_sets`.
-
-    This is an implementation of `active_sets.LawOnGrid`. Each evaluation of the contact gives new plastic deformations,
-    and therefore new tangents.
-
-    Parameters
-    ----------
-    curve : _Curve
-        Curved contact law on the grid.
-    grid : Workspace
-        Work arrays for the grid.
-    level : Level
-        Contact problem on the grid.
-    offset : float
-        Height that is subtracted from the gap and from the approach [m].
-    start : array (n1, n2)
-        First guess of the pressure [Pa], on the grid or on the next coarser grid.
-    first_delta : float, optional
-        First guess of the approach minus the offset [m].
-
-    Attributes
-    ----------
-    n_tangents : int
-        Number of points near contact whose tangent has a positive slope.
-    """
-
-    #: `descent` needs a law that remains the same.
-    can_descend = False
-    #: `follow_curve` reads v of the grid in double precision.
-    allows_single = False
-
-    def __init__(
-        self,
-        curve: _Curve,
-        grid: Workspace,
-        level: Level,
-        offset: float,
-        start: Array,
-        first_delta: float | None,
-    ) -> None:
-        grid.start(start, np.array([inf]))
-        n = grid.pressure.size
-        self.grid = grid
-        self.level = level
-        self.offset = offset
-        self.first_delta = first_delta
-        self.n_tangents = 0
-        self._load = level.mean_pressure * n  # sum of the pressures of all points [Pa]
-        first_hardness = (curve.pieces.hardness(curve.earlier) - curve.fluid).ravel()
-        self._pieces = curve.pieces
-        # `levels` depend on the step length c; they are computed when c is known
-        self._stiffness = 0.0
-        self._curve = ShiftedCurve(
-            depth=curve.pieces.depth,
-            levels=np.empty(0),
-            coefficients=curve.pieces.coefficients,
-            has_end=curve.pieces.has_constant_end,
-            constant_depth=curve.constant_depth,
-            earlier=curve.earlier.ravel(),
-            fluid=curve.fluid.ravel(),
-            first_hardness=first_hardness,
-        )
-        self._lines = CurveLines(
-            kind=np.full(n, FIRST, np.int8),
-            hardness=np.empty(n),
-            slope=np.zeros(n),
-            begins=np.empty(n),
-            gap0=level.gap0.ravel().copy(),
-        )
-        self._lines.hardness[:] = first_hardness
-        deepest_start = curve.constant_depth if isfinite(curve.constant_depth) else 0.0
-        self._first_step = max(deepest_start, _FIRST_STEP)
-
-    def solve(self, rtol: float, limit: int) -> Solution:
-        """Solve the contact on the grid with `solve_active_sets`, which calls `evaluate` to update the tangents."""
-        law = LinearLaw(self._lines.hardness, self._lines.slope)
-        problem = Problem(self._lines.gap0, self.offset, law, self._load, self.first_delta)
-        solution = solve_active_sets(self.grid, problem, rtol, limit, self)
-        # The gap of a point with a tangent is increased by the depth at which the tangent begins. If such a point is no
-        # longer near contact, its gap remains wrong, and the solution is not valid.
-        if np.count_nonzero(self._lines.kind == TANGENT) != self.n_tangents:
-            return solution._replace(residual=inf)
-        return solution
-
-    @property
-    def keeps_directions(self) -> bool:
-        """Whether no tangent has a positive slope, so that the compliances of the points have not changed."""
-        return self.n_tangents == 0
-
-    def has_risen(
-        self, previous: ActiveSets, energy: float, residual: float, rounding: float
-    ) -> bool:
-        """Return whether the residual has hardly fallen since the previous change of the sets.
-
-        Energies with different tangents cannot be compared.
-        """
-        return residual > _SLOW * previous.residual
-
-    def evaluate(
-        self, n_near: int, c: float, delta: float
-    ) -> tuple[float, bool, Any, Any, Any, Any]:
-        """Find the approach δ, and compare the pressures p with their projections y onto the curves.
-
-        The arguments and the returned values have the same meaning as in `projection.evaluate`.
-        """
-        # Newton's method for Σ y(δ) = load within the bracket from `low` to `high`
-        low = -inf
-        high = inf
-        # limit of the step as long as the bracket has no bound in the direction of the step
-        largest_step = self._first_step
-        for _ in range(_APPROACH_STEPS):
-            total, slopes, self.n_tangents, r2, y2, *changes = self._follow(n_near, c, delta)
-            excess = total - self._load
-            step = -excess / (c * slopes) if slopes > 0 else -excess * inf
-            residual = sqrt(r2 / y2) if y2 > 0 else 0.0
-            # the load need not be more accurate than the pressures are at present
-            accepted = min(_LOAD_ERROR * residual, _LARGEST_LOAD_ERROR)
-            if abs(excess) <= max(accepted, _SMALLEST_LOAD_ERROR) * self._load:
-                if c * abs(step) * n_near <= _LARGEST_CORRECTION * self._load:
-                    return delta + step, True, r2, y2, *changes
-                if excess == 0:
-                    return delta, True, r2, y2, *changes
-            if excess > 0:
-                high = min(high, delta)
-            else:
-                low = max(low, delta)
-            # without a bound in the direction of the step, the step is limited, because the curve may rise soon
-            if (high if step > 0 else -low) == inf and not abs(step) < largest_step:
-                if largest_step > _LARGEST_STEP:
-                    break
-                step = largest_step if step > 0 else -largest_step
-                largest_step *= 2
-            new = delta + step
-            if not low < new < high:  # outside the bracket: bisect
-                new = 0.5 * (low + high)
-            if new == delta:  # the bracket cannot be divided further
-                return delta, True, r2, y2, *changes
-            delta = new
-        # the listed points cannot carry the load, or Newton's method has not converged
-        return delta, False, r2, y2, *changes
-
-    def _follow(self, n_near: int, c: float, delta: float) -> tuple[Any, ...]:
-        """Call `follow_curve` for an approach `delta` [m] and a step length c [Pa/m]."""
-        if c != self._stiffness:
-            self._stiffness = c
-            levels = self._pieces.coefficients[:, 0] + c * self._pieces.depth
-            # on coarse grids, the curve may fall more steeply than the half-space is stiff
-            self._curve = self._curve._replace(levels=np.maximum.accumulate(levels))
-        grid = self.grid
-        return follow_curve(n_near, c, delta, grid.points, grid.near, self._curve, self._lines)
-
-    def contact(self, solution: Solution) -> Contact:
-        """Make a `Contact` from the pressure and the tangents of the solution."""
-        shape = self.grid.pressure.shape
-        lines = self._lines
-        has_tangent = lines.kind == TANGENT
-        # all points on the curved part yield, even if a rounding error makes their pressure less than their hardness
-        is_horizontal = ~has_tangent & (lines.kind != FIRST)
-        pressure = self.grid.pressure.ravel()
-        np.minimum(lines.hardness, pressure, out=lines.hardness, where=is_horizontal)
-        line = YieldLine(lines.hardness.reshape(shape), lines.slope.reshape(shape))
-        contact = make_contact(self.level._replace(line=line), self.grid, self.offset, solution)
-        begins = np.where(has_tangent, lines.begins, 0.0).reshape(shape)
-        np.add(contact.plastic_deformation, begins, out=contact.plastic_deformation)
-        return contact
