@@ -19,7 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .projection import exact, exact_loop, value_at
+from .law_at_points import value_at
+from .loop_decorators import exact, exact_loop
 
 #: A steep tangent begins where its pressure is this fraction of the yield pressure below the point of tangency.
 FROM_DEPTH = 0.5
@@ -164,11 +165,11 @@ def follow_curve(first, end, c, delta, points, near, curve, lines):
     total : sum Σ y of the projected pressures.
     slopes : derivative of Σ y with respect to cδ. At points where the curve falls, dy/dz is taken as 0.
     n_tangents : number of points whose tangent has a positive slope.
-    r2, y2 : ‖p − y‖² and ‖y‖².
-    changed : number of points whose state would change if p were set to y. Perfectly plastic points whose pressure
+    squared_difference, squared_projection : ‖p − y‖² and ‖y‖².
+    n_changed : number of points whose state would change if p were set to y. Perfectly plastic points whose pressure
         differs from y are counted as well.
-    changed_r2 : sum of (p − y)² over the points counted in `changed`; infinite if a point that has been hardening would
-        stop hardening.
+    squared_change : sum of (p − y)² over the points counted in `n_changed`; infinite if a point that has been hardening
+        would stop hardening.
     """
     index = near.index[first:end]
     p = near.p[first:end]
@@ -190,10 +191,10 @@ def follow_curve(first, end, c, delta, points, near, curve, lines):
     total = 0.0
     slopes = 0.0
     n_tangents = 0
-    r2 = 0.0
-    y2 = 0.0
-    changed = 0
-    changed_r2 = 0.0
+    squared_difference = 0.0
+    squared_projection = 0.0
+    n_changed = 0
+    squared_change = 0.0
     for j in range(end - first):
         i = index[j]
         former_kind = lines.kind[i]
@@ -208,7 +209,7 @@ def follow_curve(first, end, c, delta, points, near, curve, lines):
             threshold = H + c * max(curve.constant_depth - u0, 0.0)
         # projection on the constant hardness, and state of the point: 0 out of contact, 1 elastic, 2 plastic
         y = min(max(z, 0.0), H)
-        s = (z > 0.0) + (z >= H)
+        new_state = (z > 0.0) + (z >= H)
         if z > threshold or former_kind != FIRST:  # the line of the point may change
             if z > threshold:
                 level = z + pf + c * u0  # right side of the equation for w
@@ -222,7 +223,7 @@ def follow_curve(first, end, c, delta, points, near, curve, lines):
             else:
                 line = PointLine(FIRST, H, 0.0, 0.0)
             if line.kind == TANGENT:
-                s = 3  # hardens
+                new_state = 3  # hardens
                 n_tangents += 1
                 slopes += line.slope / (line.slope + c)
             lines.kind[i] = line.kind
@@ -237,12 +238,20 @@ def follow_curve(first, end, c, delta, points, near, curve, lines):
                 v_of_grid[i + i // columns * unused] += increase
             x -= c * line.begin
         trial[j] = x
-        slopes += s == 1  # dy/dz is 1 at an elastic point
+        slopes += new_state == 1  # dy/dz is 1 at an elastic point
         total += y
         difference = y - p[j]
-        r2 += difference * difference
-        y2 += y * y
-        if s != state[i] or (s == 2 and difference != 0.0):
-            changed += 1
-            changed_r2 += np.inf if state[i] == 3 else difference * difference
-    return total, slopes, n_tangents, r2, y2, changed, changed_r2
+        squared_difference += difference * difference
+        squared_projection += y * y
+        if new_state != state[i] or (new_state == 2 and difference != 0.0):
+            n_changed += 1
+            squared_change += np.inf if state[i] == 3 else difference * difference
+    return (
+        total,
+        slopes,
+        n_tangents,
+        squared_difference,
+        squared_projection,
+        n_changed,
+        squared_change,
+    )

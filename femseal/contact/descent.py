@@ -16,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base import Array, Flags, Indices
+from .approach import find_approach
 from .conjugate_gradients import StepLimits, conjugate_gradients
-from .projection import find_approach
 from .workspace import Loops, Problem, Workspace
 
 #: Limits of the conjugate-gradient steps in an iteration.

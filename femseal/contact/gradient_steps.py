@@ -7,7 +7,8 @@ in `point_arrays`.
 
 import numpy as np
 
-from .projection import fast, fast_leader, fast_loop, value_at
+from .law_at_points import value_at
+from .loop_decorators import fast, fast_leader, fast_loop
 
 
 @fast_leader

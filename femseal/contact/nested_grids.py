@@ -16,7 +16,7 @@ from .active_sets import solve_active_sets
 from .contact_fields import Contact
 from .descent import Solution
 from .half_space import HalfSpace
-from .projection import gap_and_deformation
+from .result_loops import gap_and_deformation
 from .workspace import Problem, Workspace, coarsened, workspace
 from .yield_line import YieldLine
 

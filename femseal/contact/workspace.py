@@ -13,9 +13,10 @@ import numpy as np
 
 from ..base import Array, Indices
 from ..base.compiled import entry_point, thread_count
-from . import gradient_steps, projection
+from . import gradient_steps, near_points, projection
 from .convolution import Convolution
 from .half_space import HalfSpace, stiffness_stencil
+from .loop_decorators import exact, fast
 from .point_arrays import (
     FreePoints,
     GradientLists,
@@ -36,17 +37,17 @@ _KEPT_IN_ALL = 3 * KEPT_POINTS
 _THREADED = 2**18
 #: Loops for small grids. Each of them is compiled as a single function.
 _UNDIVIDED: dict[str, Any] = {
-    "list_near": projection.list_near,
-    "list_near_in_single": projection.list_near,
-    "evaluate": projection.exact(projection.evaluate),
-    "project": projection.exact(projection.project),
-    "restart": projection.fast(gradient_steps.restart),
-    "step": projection.fast(gradient_steps.step),
+    "list_near": near_points.list_near,
+    "list_near_in_single": near_points.list_near,
+    "evaluate": exact(projection.evaluate),
+    "project": exact(projection.project),
+    "restart": fast(gradient_steps.restart),
+    "step": fast(gradient_steps.step),
 }
 #: Loops for large grids. Their parts are divided between threads.
 _IN_PARTS: dict[str, Any] = {
-    "list_near": projection.list_near_in_parts,
-    "list_near_in_single": projection.list_near_in_parts,
+    "list_near": near_points.list_near_in_parts,
+    "list_near_in_single": near_points.list_near_in_parts,
     "evaluate": projection.evaluate,
     "project": projection.project,
     "restart": gradient_steps.restart,
@@ -232,7 +233,7 @@ class Workspace:
         arrays = self.arrays
         law = problem.law
         points, near, free, lists = self.points, self.near, self.free, arrays.gradient_lists
-        is_divided = self.pressure.size > projection.PART
+        is_divided = self.pressure.size > near_points.PART
         loops = _IN_PARTS if is_divided else _UNDIVIDED
 
         def bind(name: str, *groups: Any) -> Call:
@@ -267,7 +268,7 @@ class Loops(NamedTuple):
     list_near, list_near_in_single : list the points near contact after `respond` and after `search`. Only `list_near`
         replaces the displacement on the grid by v, which would lose digits in single precision.
 
-    All other loops are described in the modules `projection` and `gradient_steps`.
+    The loops are described in the modules `near_points`, `projection` and `gradient_steps`.
     """
 
     respond: Call  # no arguments

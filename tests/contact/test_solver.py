@@ -16,7 +16,7 @@ from femseal.contact import (
     active_sets,
     convolution,
     descent,
-    projection,
+    near_points,
     solve_contact,
     workspace,
 )
@@ -297,7 +297,7 @@ def test_large_grids_change_digits_only_and_threads_not_even_these(law, boundary
         patch.setattr(convolution, "LARGE", 48**2)
         patch.setattr(workspace, "KEPT_POINTS", 0)
         patch.setattr(workspace, "_THREADED", 0)
-        patch.setattr(projection, "PART", 1000)
+        patch.setattr(near_points, "PART", 1000)
         patch.setattr(compiled, "_ITEMS", 60)
         patch.setattr(active_sets, "_SINGLE_FROM", 0)
         large, *others = (solve_contact(h, body, threads=n, **given) for n in (1, 2, 3))
