@@ -75,9 +75,9 @@ def conjugate_gradients(
     ConjugateSteps
     """
     if previous is None:
-        total_ones = loops.restart(n_free, delta)
+        total_ones = loops.prepare_directions(n_free, delta)
         # without a previous direction, only the first direction is computed
-        *_no_step, first_wr = loops.step(n_near, n_free, inf, total_ones)
+        *_no_step, first_wr = loops.gradient_step(n_near, n_free, inf, total_ones)
     else:
         total_ones = previous.total_ones
         first_wr = previous.next_wr
@@ -89,7 +89,7 @@ def conjugate_gradients(
     steps = 0
     while steps < most_steps and wr > 0.0 and wr >= last_wr:
         loops.search()  # computes Kd
-        curvature, squared_length, is_made, wr = loops.step(n_near, n_free, wr, total_ones)
+        curvature, squared_length, is_made, wr = loops.gradient_step(n_near, n_free, wr, total_ones)
         steps += 1
         if not is_made:
             break

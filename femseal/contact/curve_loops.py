@@ -21,6 +21,7 @@ import numpy as np
 
 from .law_at_points import value_at
 from .loop_decorators import exact, exact_loop
+from .point_arrays import ELASTIC, HARDENING, PLASTIC
 
 #: A steep tangent begins where its pressure is this fraction of the yield pressure below the point of tangency.
 FROM_DEPTH = 0.5
@@ -207,7 +208,7 @@ def follow_curve(first, end, c, delta, points, near, curve, lines):
             u0 = value_at(curve.earlier, i)
             pf = value_at(curve.fluid, i)
             threshold = H + c * max(curve.constant_depth - u0, 0.0)
-        # projection on the constant hardness, and state of the point: 0 out of contact, 1 elastic, 2 plastic
+        # projection on the constant hardness, and state of the point: SEPARATED, ELASTIC or PLASTIC
         y = min(max(z, 0.0), H)
         new_state = (z > 0.0) + (z >= H)
         if z > threshold or former_kind != FIRST:  # the line of the point may change
@@ -223,7 +224,7 @@ def follow_curve(first, end, c, delta, points, near, curve, lines):
             else:
                 line = PointLine(FIRST, H, 0.0, 0.0)
             if line.kind == TANGENT:
-                new_state = 3  # hardens
+                new_state = HARDENING
                 n_tangents += 1
                 slopes += line.slope / (line.slope + c)
             lines.kind[i] = line.kind
@@ -238,14 +239,14 @@ def follow_curve(first, end, c, delta, points, near, curve, lines):
                 v_of_grid[i + i // columns * unused] += increase
             x -= c * line.begin
         trial[j] = x
-        slopes += new_state == 1  # dy/dz is 1 at an elastic point
+        slopes += new_state == ELASTIC  # dy/dz is 1 at an elastic point
         total += y
         difference = y - p[j]
         squared_difference += difference * difference
         squared_projection += y * y
-        if new_state != state[i] or (new_state == 2 and difference != 0.0):
+        if new_state != state[i] or (new_state == PLASTIC and difference != 0.0):
             n_changed += 1
-            squared_change += np.inf if state[i] == 3 else difference * difference
+            squared_change += np.inf if state[i] == HARDENING else difference * difference
     return (
         total,
         slopes,

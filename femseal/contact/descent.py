@@ -18,6 +18,7 @@ import numpy as np
 from ..base import Array, Flags, Indices
 from .approach import find_approach
 from .conjugate_gradients import StepLimits, conjugate_gradients
+from .point_arrays import ELASTIC, HARDENING
 from .workspace import Loops, Problem, Workspace
 
 #: Limits of the conjugate-gradient steps in an iteration.
@@ -239,7 +240,7 @@ def _list_free_points(
     v : displacement plus undeformed gap [m], (n,).
     """
     grid.points.dense[:] = 0
-    grid.points.state[:] = is_elastic + 3 * yields
+    grid.points.state[:] = ELASTIC * is_elastic + HARDENING * yields
     grid.arrays.respond.displacement[:] = v.reshape(grid.pressure.shape)
     _n_near, n_free, *_sums = loops.list_near(1.0, 0.0, np.inf, 0, len(grid.points.v))
     return int(n_free)

@@ -1,18 +1,19 @@
 """Compile the loops of conjugate gradients on the free points, with a 3 × 3 stencil as preconditioner M.
 
-`conjugate_gradients` calls `restart` and `step`. Both functions call loops over the points `first` to `end` − 1 of a
-list. The groups of arrays `law`, `points`, `near`, `free`, `lists` (`GradientLists`) and `preconditioner` are described
-in `point_arrays`.
+`conjugate_gradients` calls `prepare_directions` and `gradient_step`. Both functions call loops over the points `first`
+to `end` − 1 of a list. The groups of arrays `law`, `points`, `near`, `free`, `lists` (`GradientLists`) and
+`preconditioner` are described in `point_arrays`.
 """
 
 import numpy as np
 
 from .law_at_points import value_at
 from .loop_decorators import fast, fast_leader, fast_loop
+from .point_arrays import HARDENING
 
 
 @fast_leader
-def restart(law, points, near, free, lists, preconditioner, n_free, delta):
+def prepare_directions(law, points, near, free, lists, preconditioner, n_free, delta):
     """Prepare the first search direction: compute the residual r = δ − v − a (p − H) and M1 at the free points.
 
     Returns the sum of M1 over the free points, where M1 is the preconditioner applied to a vector of ones.
@@ -20,7 +21,7 @@ def restart(law, points, near, free, lists, preconditioner, n_free, delta):
     set_scale(n_free, law, points, free, lists, preconditioner)
     total_ones = precondition(n_free, lists.ones, lists.scale, points, free, preconditioner)
     total = first_residual(n_free, delta, law, near, free, lists)
-    spread_residual(n_free, total / n_free, points, free, lists)
+    center_and_scatter_residual(n_free, total / n_free, points, free, lists)
     return total_ones
 
 
@@ -34,7 +35,7 @@ def set_scale(first, end, law, points, free, lists, preconditioner):
     middle_weight = preconditioner.weights[1, 1]
     for k in range(end - first):
         i = index[k]
-        if state[i] == 3:  # yields and hardens
+        if state[i] == HARDENING:
             compliance[k] = 1.0 / value_at(law.slope, i)
             scale[k] = 1.0 / np.sqrt(1.0 + compliance[k] * middle_weight)
         else:
@@ -47,13 +48,13 @@ def set_scale(first, end, law, points, free, lists, preconditioner):
 def first_residual(first, end, delta, law, near, free, lists):
     """Compute the residuals of some free points, and return their sum."""
     index = free.index[first:end]
-    place = free.place[first:end]
+    position = free.position[first:end]
     r = lists.r[first:end]
     compliance = lists.hardening_compliance[first:end]
     p, v = near.p, near.v
     total = 0.0
     for k in range(end - first):
-        j = place[k]
+        j = position[k]
         r[k] = delta - v[j]
         if compliance[k] > 0.0:
             r[k] -= compliance[k] * (p[j] - value_at(law.hardness, index[k]))
@@ -73,23 +74,26 @@ def precondition(first, end, out, scale, points, free, preconditioner):
 
 @fast_leader
 def next_direction(points, free, lists, preconditioner, n_free, previous_wr, total_ones):
-    """Compute the next search direction d = w + β d with β = w·r / previous_wr, and copy d to `dense`.
+    """Compute the next search direction d = w + β d with β = w·r / previous_wr, and scatter d to `dense`.
 
     The preconditioned residual w is M r minus a multiple of M1, chosen such that Σ w = 0 and the steps do not change
-    the load. The arguments are described in `step`.
+    the load. The arguments are described in `gradient_step`.
 
     Returns w·r. If w·r is not positive, no direction is computed.
     """
     total = precondition(n_free, lists.w, lists.scale, points, free, preconditioner)
-    wr = remove_mean(n_free, total / total_ones, lists)
+    wr = remove_change_of_load(n_free, total / total_ones, lists)
     if wr > 0.0:
         set_direction(n_free, wr / previous_wr, points, free, lists)
     return wr
 
 
 @fast_loop
-def remove_mean(first, end, factor, lists):
-    """Subtract `factor` times M1 from w at some free points, and return the contribution of these points to w·r."""
+def remove_change_of_load(first, end, factor, lists):
+    """Subtract `factor` times M1 from w at some free points, so that a step along w does not change the load.
+
+    Returns the contribution of these points to w·r.
+    """
     r = lists.r[first:end]
     w = lists.w[first:end]
     ones = lists.ones[first:end]
@@ -102,7 +106,7 @@ def remove_mean(first, end, factor, lists):
 
 @fast_loop
 def set_direction(first, end, beta, points, free, lists):
-    """Compute the search direction d = w + beta d at some free points, and copy d to `dense`."""
+    """Compute the search direction d = w + beta d at some free points, and scatter d to `dense`."""
     index = free.index[first:end]
     w = lists.w[first:end]
     d = lists.d[first:end]
@@ -113,7 +117,7 @@ def set_direction(first, end, beta, points, free, lists):
 
 
 @fast_leader
-def step(
+def gradient_step(
     points, near, free, lists, preconditioner, compliance, n_near, n_free, wr, total_ones
 ):  # fmt: skip
     """Perform a step of conjugate gradients along the search direction d, and compute the next search direction.
@@ -124,7 +128,7 @@ def step(
 
     compliance : factor 1/E* [1/Pa], by which `points.kd` is multiplied to obtain Kd.
     wr : product w·r of the search direction d; infinite if there is no direction yet, so that no step is performed.
-    total_ones : sum of M1 over the free points, see `restart`.
+    total_ones : sum of M1 over the free points, see `prepare_directions`.
 
     Returns d·Kd, d·d, whether the step was performed, and the product w·r of the next direction.
     """
@@ -132,14 +136,14 @@ def step(
     squared_length = 0.0
     total_curvature = 0.0
     if wr < np.inf:
-        list_response(n_near, compliance, points, near)
+        gather_response(n_near, compliance, points, near)
         curvature, squared_length, total_curvature = curvatures(n_free, near, free, lists)
         total = 0.0
         if total_curvature > 0.0:
             alpha = wr / total_curvature
-            total = advance(n_free, alpha, near, free, lists)
-            advance_gap(n_near, alpha, near)
-        spread_residual(n_free, total / n_free, points, free, lists)
+            total = update_pressure_and_residual(n_free, alpha, near, free, lists)
+            update_displacement(n_near, alpha, near)
+        center_and_scatter_residual(n_free, total / n_free, points, free, lists)
     is_made = total_curvature > 0.0
     previous_wr = wr if is_made else np.inf
     next_wr = next_direction(points, free, lists, preconditioner, n_free, previous_wr, total_ones)
@@ -147,8 +151,8 @@ def step(
 
 
 @fast_loop
-def list_response(first, end, compliance, points, near):
-    """Copy Kd at some points near contact from the grid to a list.
+def gather_response(first, end, compliance, points, near):
+    """Gather the displacement Kd of some points near contact from the grid into a list.
 
     The rows of the grid may be shorter than the rows of `kd`. The grid indices in `near` increase, so the loop can keep
     count of the row. This is faster than dividing each index by the number of columns.
@@ -175,7 +179,7 @@ def list_response(first, end, compliance, points, near):
 @fast_loop
 def curvatures(first, end, near, free, lists):
     """Compute the contributions of some free points to the sums d·Kd, d·d and d·(Kd + a d)."""
-    place = free.place[first:end]
+    position = free.position[first:end]
     d = lists.d[first:end]
     compliance = lists.hardening_compliance[first:end]
     response = near.response
@@ -183,16 +187,16 @@ def curvatures(first, end, near, free, lists):
     squared_length = 0.0
     hardening = 0.0
     for k in range(end - first):
-        curvature += response[place[k]] * d[k]
+        curvature += response[position[k]] * d[k]
         squared_length += d[k] * d[k]
         hardening += compliance[k] * d[k] * d[k]
     return curvature, squared_length, curvature + hardening
 
 
 @fast_loop
-def advance(first, end, alpha, near, free, lists):
+def update_pressure_and_residual(first, end, alpha, near, free, lists):
     """Update the pressures and residuals of some free points: p += α d, r −= α (Kd + a d); return the sum of r."""
-    place = free.place[first:end]
+    position = free.position[first:end]
     r = lists.r[first:end]
     d = lists.d[first:end]
     compliance = lists.hardening_compliance[first:end]
@@ -200,7 +204,7 @@ def advance(first, end, alpha, near, free, lists):
     p = near.p
     total = 0.0
     for k in range(end - first):
-        j = place[k]
+        j = position[k]
         p[j] += alpha * d[k]
         r[k] -= alpha * (response[j] + compliance[k] * d[k])
         total += r[k]
@@ -208,8 +212,8 @@ def advance(first, end, alpha, near, free, lists):
 
 
 @fast_loop
-def advance_gap(first, end, alpha, near):
-    """Add α Kd to v at some points near contact."""
+def update_displacement(first, end, alpha, near):
+    """Update v of some points near contact: v += α Kd."""
     v = near.v[first:end]
     response = near.response[first:end]
     for j in range(end - first):
@@ -217,8 +221,8 @@ def advance_gap(first, end, alpha, near):
 
 
 @fast_loop
-def spread_residual(first, end, mean, points, free, lists):
-    """Subtract the mean residual from the residuals r of some free points, and write s r to `dense`.
+def center_and_scatter_residual(first, end, mean, points, free, lists):
+    """Subtract the mean residual from the residuals r of some free points, and scatter s r to the grid array `dense`.
 
     After the first conjugate-gradient step, the mean residual differs from 0 only by rounding errors.
     """

@@ -1,6 +1,8 @@
 """Evaluate the linear contact law H + h u of a single point, in compiled loops."""
 
-from .loop_decorators import exact
+from ..base.compiled import inlined
+from .loop_decorators import EXACT, exact
+from .point_arrays import HARDENING
 
 
 @exact
@@ -9,7 +11,7 @@ def value_at(values, i):
     return values[i if values.size > 1 else 0]
 
 
-@exact
+@inlined(**EXACT)
 def is_same_at_all_points(law):
     """Return whether a contact law has a single hardness and a single hardening modulus for all points."""
     return law.hardness.size == 1 and law.slope.size == 1
@@ -37,7 +39,7 @@ def projected(z, H, t):
     Returns the projected pressure, and the state of the point (see `point_arrays`).
     """
     y = min(max(z, 0.0), H)
-    state = (y > 0.0) + (y >= H)  # without hardening: 0 out of contact, 1 elastic, 2 plastic
-    if t > 0.0 and state == 2:  # yields and hardens: state 3
-        return H + t * (z - H), 3
+    if t > 0.0 and y >= H:
+        return H + t * (z - H), HARDENING
+    state = (y > 0.0) + (y >= H)  # SEPARATED, ELASTIC or PLASTIC
     return y, state

@@ -10,7 +10,7 @@ import numpy as np
 from ..base.compiled import over, parts, summed, thread_count
 from .law_at_points import value_at
 from .loop_decorators import exact
-from .point_arrays import FreePoints, NearPoints
+from .point_arrays import FREE, HARDENING, SEPARATED, FreePoints, NearPoints
 
 #: Approximate number of grid points from which one thread makes a list at a time.
 PART = 2**19
@@ -60,7 +60,7 @@ def list_near(
     # reading the members of a group within a loop takes time
     all_p, all_states, dense = points.p, points.state, points.dense
     near_index, near_p, near_v = near.index, near.p, near.v
-    free_index, free_place = free.index, free.place
+    free_index, free_position = free.index, free.position
     n_near = 0
     n_free = 0
     for row in range(first, end):
@@ -74,7 +74,7 @@ def list_near(
             vj = factor * row_values[j] + weight * h
             if stores:
                 row_values[j] = vj
-            if state[j] != 0 or vj < reach:
+            if state[j] != SEPARATED or vj < reach:
                 energy += 0.5 * p[j] * (vj + h)  # ½⟨p, Kp⟩ + ⟨p, h₁⟩ = ½⟨p, v + h₁⟩
                 load += p[j]
                 total += vj
@@ -82,13 +82,13 @@ def list_near(
                 near_index[n_near] = i
                 near_p[n_near] = p[j]
                 near_v[n_near] = vj
-                if state[j] == 3:
-                    # the point yields and hardens: its energy contains the term ψ = ½ (p − H)²/h
+                if state[j] == HARDENING:
+                    # its energy contains the term ψ = ½ (p − H)²/h
                     above_hardness = p[j] - value_at(law.hardness, i)
                     energy += 0.5 * above_hardness * above_hardness / value_at(law.slope, i)
-                if state[j] & 1:  # odd states are free: 1 is elastic, 3 hardens
+                if state[j] & FREE:
                     free_index[n_free] = i
-                    free_place[n_free] = n_near
+                    free_position[n_free] = n_near
                     n_free += 1
                 else:
                     dense[i] = 0.0  # a product in single precision has written the pressure there
@@ -101,8 +101,8 @@ def _empty_lists(size: int) -> tuple[NearPoints, FreePoints]:
     unused = np.empty(0)
     p, v = np.empty((2, size))
     near = NearPoints(np.empty(size, np.int32), p, v, trial=unused, response=unused)
-    index, place = np.empty((2, size), np.int32)
-    return near, FreePoints(index, place)
+    index, position = np.empty((2, size), np.int32)
+    return near, FreePoints(index, position)
 
 
 def list_near_in_parts(
@@ -141,7 +141,7 @@ def list_near_in_parts(
             near.p[in_near] = part_near.p[:n_part_near]
             near.v[in_near] = part_near.v[:n_part_near]
             free.index[in_free] = part_free.index[:n_part_free]
-            free.place[in_free] = part_free.place[:n_part_free] + n_near
+            free.position[in_free] = part_free.position[:n_part_free] + n_near
             n_near += n_part_near
             n_free += n_part_free
             sums.append((energy, load, total))

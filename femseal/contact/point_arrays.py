@@ -1,13 +1,18 @@
 """Group the arrays of the contact solver, so that its compiled loops take a few named groups instead of many arrays.
 
-The state of a point is 0 out of contact (p = 0), 1 if it is elastic (0 < p < H), 2 if it is perfectly plastic (p = H),
-and 3 if it yields and hardens (p = H + h u, h > 0). Points with an odd state are free: their pressure is unknown.
+Points that are elastic or that harden are called free: their pressure is unknown. The pressure of all other points is
+given by their state, 0 or the hardness H.
 
 A point is near contact if it is in contact, or if v is below a threshold. The solver lists these points, and works on
 the lists. The lists of a grid with n points have room for n points; the first `n_near` or `n_free` entries are used.
 """
 
 from typing import Any, NamedTuple
+
+#: States of a point: out of contact (p = 0), elastic (0 < p < H), perfectly plastic (p = H), or yielding and hardening
+#: (p = H + h u, h > 0). The bit FREE is set in the states of free points.
+SEPARATED, ELASTIC, PLASTIC, HARDENING = 0, 1, 2, 3
+FREE = 1
 
 
 class LinearLaw(NamedTuple):
@@ -26,7 +31,7 @@ class GridPoints(NamedTuple):
 
     p : pressure [Pa], (n,).
     v : displacement plus undeformed gap, v = Kp + h₁ [m], (n1, >= n2); each row may end with unused values.
-    state : state, (n,).
+    state : SEPARATED, ELASTIC, PLASTIC or HARDENING, (n,).
     dense : search direction d or other values to which the stencil of the preconditioner is applied, (n,) in single
         precision; 0 at points that are not free.
     kd : displacement due to the pressure `dense` for a half-space of unit modulus, (n1, >= n2) in single precision. It
@@ -60,11 +65,11 @@ class FreePoints(NamedTuple):
     """Lists of the free points, in the order of the grid.
 
     index : index of the point on the grid.
-    place : position of the point in the lists of `NearPoints`.
+    position : position of the point in the lists of `NearPoints`.
     """
 
     index: Any
-    place: Any
+    position: Any
 
 
 class GradientLists(NamedTuple):

@@ -12,6 +12,7 @@ and several threads share the work of each loop.
 from .approach import find_approach
 from .law_at_points import hardness_and_slope, is_same_at_all_points, projected
 from .loop_decorators import exact, exact_leader, exact_loop
+from .point_arrays import ELASTIC, FREE
 
 
 @exact_leader
@@ -86,9 +87,9 @@ def project(law, points, near, free, load, n_near, n_free, c, delta, keep):
 
     Returns the number of free points.
     """
-    clear(n_free, points, free)
+    clear_dense(n_free, points, free)
     n_free, carried = set_pressures(n_near, c, delta, keep, law, points, near)
-    list_free(n_near, points, near, free)
+    list_free_points(n_near, points, near, free)
     load_of_free_points = load - carried
     if n_free > 0 and load_of_free_points > 0.0:
         # Find the uniform pressure that must be added to all free points, so that they carry the rest of the load. Here
@@ -96,12 +97,12 @@ def project(law, points, near, free, load, n_near, n_free, c, delta, keep):
         uniform, _ = find_approach(
             near.response, n_free, law, 0.0, free.index, 1.0, load_of_free_points, 0.0
         )
-        shift(n_free, c, uniform, law, points, near, free)
+        add_uniform_pressure(n_free, c, uniform, law, points, near, free)
     return n_free
 
 
 @exact_loop
-def clear(first, end, points, free):
+def clear_dense(first, end, points, free):
     """Reset `dense` to 0 at some of the points that were free before."""
     dense = points.dense
     for i in free.index[first:end]:
@@ -127,10 +128,10 @@ def set_pressures(first, end, c, delta, keep, law, points, near):
         if not is_uniform:
             H, t = hardness_and_slope(i, law, c)
         y, new_state = projected(x[j] + c * delta, H, t)
-        if new_state & 1:  # odd states are free: 1 is elastic, 3 hardens
+        if new_state & FREE:
             if keep and state[i] == new_state:
                 # the previous pressure, within the bounds of the state: 0 to H if it is elastic, at least H otherwise
-                if new_state == 1:
+                if new_state == ELASTIC:
                     y = min(max(previous_p[j], 0.0), H)
                 else:
                     y = max(previous_p[j], H)
@@ -144,7 +145,7 @@ def set_pressures(first, end, c, delta, keep, law, points, near):
 
 
 @exact
-def list_free(n_near, points, near, free):
+def list_free_points(n_near, points, near, free):
     """List the free points among those near contact, and collect their pressures in `near.response`.
 
     The pressures are copied from `near.trial`, where `set_pressures` has stored them.
@@ -154,14 +155,14 @@ def list_free(n_near, points, near, free):
     k = 0
     for j in range(n_near):
         i = index[j]
-        if state[i] & 1:
+        if state[i] & FREE:
             free_index[k] = i
             pressure[k] = projected_p[j]
             k += 1
 
 
 @exact_loop
-def shift(first, end, c, uniform, law, points, near, free):
+def add_uniform_pressure(first, end, c, uniform, law, points, near, free):
     """Add the same pressure to some free points, and limit the new pressures to their bounds."""
     index = free.index[first:end]
     pressure = near.response[first:end]

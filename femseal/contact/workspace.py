@@ -41,8 +41,8 @@ _UNDIVIDED: dict[str, Any] = {
     "list_near_in_single": near_points.list_near,
     "evaluate": exact(projection.evaluate),
     "project": exact(projection.project),
-    "restart": fast(gradient_steps.restart),
-    "step": fast(gradient_steps.step),
+    "prepare_directions": fast(gradient_steps.prepare_directions),
+    "gradient_step": fast(gradient_steps.gradient_step),
 }
 #: Loops for large grids. Their parts are divided between threads.
 _IN_PARTS: dict[str, Any] = {
@@ -50,8 +50,8 @@ _IN_PARTS: dict[str, Any] = {
     "list_near_in_single": near_points.list_near_in_parts,
     "evaluate": projection.evaluate,
     "project": projection.project,
-    "restart": gradient_steps.restart,
-    "step": gradient_steps.step,
+    "prepare_directions": gradient_steps.prepare_directions,
+    "gradient_step": gradient_steps.gradient_step,
 }
 
 
@@ -129,9 +129,9 @@ class WorkArrays:
             kd=self.search.rows,
         )
         # the operating system provides memory only for the part of a list that is used
-        near_index, free_index, place = np.empty((3, n), np.int32)
+        near_index, free_index, position = np.empty((3, n), np.int32)
         self.near = NearPoints(near_index, *np.empty((4, n)))
-        self.free = FreePoints(free_index, place)
+        self.free = FreePoints(free_index, position)
         self.gradient_lists = GradientLists(*np.empty((6, n)))
         self.stencil = stiffness_stencil(unit)
         self.rows = _index_map(unit.shape[0], unit.boundary[0])
@@ -251,8 +251,12 @@ class Workspace:
             list_near_in_single=bind("list_near_in_single", *listed, points.kd, False),
             evaluate=bind("evaluate", law, points, near, problem.load),
             project=bind("project", law, points, near, free, problem.load),
-            restart=bind("restart", law, points, near, free, lists, self.preconditioner),
-            step=bind("step", points, near, free, lists, self.preconditioner, self.compliance),
+            prepare_directions=bind(
+                "prepare_directions", law, points, near, free, lists, self.preconditioner
+            ),
+            gradient_step=bind(
+                "gradient_step", points, near, free, lists, self.preconditioner, self.compliance
+            ),
         )
 
 
@@ -277,8 +281,8 @@ class Loops(NamedTuple):
     list_near_in_single: Call  # the same
     evaluate: Call  # n_near, c, delta
     project: Call  # n_near, n_free, c, delta, keep
-    restart: Call  # n_free, delta
-    step: Call  # n_near, n_free, wr, total_ones
+    prepare_directions: Call  # n_free, delta
+    gradient_step: Call  # n_near, n_free, wr, total_ones
 
 
 #: Examples of the remaining arguments of each loop, which tell their types.
@@ -287,8 +291,8 @@ _OTHER_ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "list_near_in_single": (1.0, 1.0, 1.0, 0, 1),
     "evaluate": (1, 1.0, 1.0),
     "project": (1, 1, 1.0, 1.0, True),
-    "restart": (1, 1.0),
-    "step": (1, 1, 1.0, 1.0),
+    "prepare_directions": (1, 1.0),
+    "gradient_step": (1, 1, 1.0, 1.0),
 }
 
 
