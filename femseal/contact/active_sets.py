@@ -28,14 +28,14 @@ Sources: Moré & Toraldo, SIAM J. Optim. 1, 1991, 93; Polonsky & Keer, Wear 231,
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from math import inf, sqrt
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from .conjugate_gradients import ConjugateSteps, StepLimits, conjugate_gradients
 from .descent import Solution, descend
+from .law_on_grid import ActiveSets, LawOnGrid, StraightLaw
 from .workspace import Loops, Problem, Workspace
 
 #: Limits of the conjugate-gradient steps in an iteration, for grids without and with a long axis. Along a long axis,
@@ -68,29 +68,6 @@ _FRACTION = 0.1
 _LOAD_RTOL = 1e-10
 
 
-class ActiveSets(NamedTuple):
-    """The present active sets: result of the first part of an iteration.
-
-    n_near : number of points near contact. A point is near contact if it is in contact or if v is below `reach`.
-    n_free : number of free points. The pressure of a free point is unknown.
-    reach : value of v [m] below which a point is listed as near contact.
-    margin : `reach` minus the approach δ at the time the lists were made [m].
-    energy : energy when the sets were chosen; infinite for the sets of the initial pressure.
-    residual : residual when the sets were chosen; infinite for the sets of the initial pressure.
-    damping : factor of the length of the next projection step. It is reduced if the energy has increased.
-    in_single : whether v was computed in single precision.
-    """
-
-    n_near: int
-    n_free: int
-    reach: float
-    margin: float
-    energy: float = inf
-    residual: float = inf
-    damping: float = 1.0
-    in_single: bool = False
-
-
 class EnergyReduction(NamedTuple):
     """Result of the second part of an iteration, the reduction of the energy by conjugate gradients.
 
@@ -117,54 +94,6 @@ class Evaluation(NamedTuple):
     delta: float
     residual: float
     sets_change: bool
-
-
-class LawOnGrid(Protocol):
-    """What the iteration needs to know of the contact law: a straight line at each point, or tangents of a curve."""
-
-    @property
-    def evaluate(self) -> Callable[[int, float, float], tuple[Any, ...]]:
-        """Compiled loop `projection.evaluate`, or a method with its last three arguments and its return values."""
-
-    @property
-    def can_descend(self) -> bool:
-        """Whether the method in `descent` can solve the contact with this law."""
-
-    @property
-    def keeps_directions(self) -> bool:
-        """Whether the search directions remain conjugate until the sets change."""
-
-    @property
-    def allows_single(self) -> bool:
-        """Whether products with the pressure may be computed in single precision."""
-
-    def has_risen(
-        self, previous: ActiveSets, energy: float, residual: float, rounding: float
-    ) -> bool:
-        """Return whether the last change of the sets has to be damped, because it did not lead nearer to the solution.
-
-        previous : sets before the change.
-        energy : energy after the change.
-        residual : residual before the change.
-        rounding : largest relative rounding error of the difference of two energies.
-        """
-
-
-class StraightLaw:
-    """Linear contact law, which is the same in all iterations."""
-
-    can_descend = True
-    keeps_directions = True
-    allows_single = True
-
-    def __init__(self, loops: Loops) -> None:
-        self.evaluate = loops.evaluate
-
-    def has_risen(
-        self, previous: ActiveSets, energy: float, residual: float, rounding: float
-    ) -> bool:
-        """Return whether the energy has increased by more than a rounding error."""
-        return energy > previous.energy + rounding * abs(previous.energy)
 
 
 #: What the solver does next, see `_next_action`:

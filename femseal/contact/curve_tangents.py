@@ -13,12 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from ..base import Array
-from .active_sets import ActiveSets, solve_active_sets
+from .active_sets import solve_active_sets
 from .contact_fields import Contact
 from .curve_loops import FIRST, TANGENT, CurveLines, ShiftedCurve, follow_curve
 from .curve_pieces import CurvePieces
 from .descent import Solution
 from .law import ContactLaw
+from .law_on_grid import ActiveSets
 from .nested_grids import Level, make_contact
 from .point_arrays import LinearLaw
 from .workspace import Problem, Workspace, coarsened
@@ -105,7 +106,7 @@ class _Projection(NamedTuple):
 class CurveTangents:
     """Tangents of the curved contact law at the present plastic deformation of each point, for `solve_active_sets`.
 
-    This is an implementation of `active_sets.LawOnGrid`. Each evaluation of the contact gives new plastic deformations,
+    This is an implementation of `law_on_grid.LawOnGrid`. Each evaluation of the contact gives new plastic deformations,
     and therefore new tangents.
 
     Parameters

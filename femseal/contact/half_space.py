@@ -22,12 +22,11 @@ from .convolution import Boundary, Convolution, padded_length
 from .layered import (
     Bodies,
     checked_modulus,
-    free_difference,
     modulus_of_waves,
     scaled,
-    strip_difference,
     surface_modulus,
 )
+from .layered_free_axes import free_difference, strip_difference
 
 BOUNDARIES = ("periodic", "mirror", "free")
 #: Number of kernel values that are computed at a time for a single free axis, to limit the memory.
@@ -198,7 +197,7 @@ def free_symbol(shape: Shape, spacing: Pair, modulus: float | Bodies) -> Array:
 
     The eigenvalues are the Fourier transform of Love's solution, the displacement around a pixel under constant
     pressure. Love's solution applies to a half-space without a coating. For coated bodies, the change in
-    displacement due to the coatings is added, see `layered.free_difference`.
+    displacement due to the coatings is added, see `layered_free_axes.free_difference`.
     """
     length1, length2 = (padded_length(n) for n in shape)
     d1, d2 = spacing
@@ -264,7 +263,8 @@ def strip_symbol(
     series with a closed form. The sum over the aliases is equal to the sum of Love's solutions for all periodic images
     of the pixel.
 
-    For coated bodies, the change in displacement due to the coatings is added, see `layered.strip_difference`.
+    For coated bodies, the change in displacement due to the coatings is added, see
+    `layered_free_axes.strip_difference`.
 
     Parameters
     ----------
