@@ -18,9 +18,10 @@ PART = 2**19
 
 @exact
 def list_near(
-    gap0, offset, law, points, near, free, values, stores, factor, weight, reach, first, end
+    gap0, offset, law, points, near, free, values, store_v,
+    value_factor, gap_factor, reach, first, end,
 ):  # fmt: skip
-    """Compute v = factor · values + weight · (h₁ − offset), and list the points near contact in some rows.
+    """Compute v = value_factor · values + gap_factor · (h₁ − offset), and list the points near contact in some rows.
 
     A point is near contact if it is in contact or if v is below the threshold `reach`. The free points are listed, too.
 
@@ -34,12 +35,12 @@ def list_near(
         Groups of arrays, see `point_arrays`.
     values : array (n1, >= n2)
         Displacement or v of all points: `points.v` or, in single precision, `points.kd`.
-    stores : bool
+    store_v : bool
         Whether to replace `values` by v.
-    factor, weight : float
+    value_factor, gap_factor : float
         Factors of `values` and of h₁ − offset. If `values` is the displacement of a half-space of unit modulus,
-        `factor` is 1/E* and `weight` is 1. If `values` is already v and only a new list is needed, `factor` is 1 and
-        `weight` is 0.
+        `value_factor` is 1/E* and `gap_factor` is 1. If `values` is already v and only a new list is needed,
+        `value_factor` is 1 and `gap_factor` is 0.
     reach : float
         Threshold of v [m].
     first, end : int
@@ -71,8 +72,8 @@ def list_near(
         heights = gap0[start : start + columns]
         for j in range(columns):
             h = heights[j] - offset
-            vj = factor * row_values[j] + weight * h
-            if stores:
+            vj = value_factor * row_values[j] + gap_factor * h
+            if store_v:
                 row_values[j] = vj
             if state[j] != SEPARATED or vj < reach:
                 energy += 0.5 * p[j] * (vj + h)  # ½⟨p, Kp⟩ + ⟨p, h₁⟩ = ½⟨p, v + h₁⟩
@@ -106,7 +107,8 @@ def _empty_lists(size: int) -> tuple[NearPoints, FreePoints]:
 
 
 def list_near_in_parts(
-    gap0, offset, law, points, near, free, values, stores, factor, weight, reach, _first, n_rows
+    gap0, offset, law, points, near, free, values, store_v,
+    value_factor, gap_factor, reach, _first, n_rows,
 ):  # fmt: skip
     """Make the lists of `list_near` on several threads.
 
@@ -122,7 +124,17 @@ def list_near_in_parts(
 
     def list_part(row_range, lists):
         return list_near(
-            gap0, offset, law, points, *lists, values, stores, factor, weight, reach, *row_range
+            gap0,
+            offset,
+            law,
+            points,
+            *lists,
+            values,
+            store_v,
+            value_factor,
+            gap_factor,
+            reach,
+            *row_range,
         )
 
     sums = []  # energy, load and total of each part

@@ -277,7 +277,7 @@ class Loops(NamedTuple):
 
     respond: Call  # no arguments
     search: Call  # no arguments
-    list_near: Call  # factor, weight, reach, first, end
+    list_near: Call  # value_factor, gap_factor, reach, first, end
     list_near_in_single: Call  # the same
     evaluate: Call  # n_near, c, delta
     project: Call  # n_near, n_free, c, delta, keep
