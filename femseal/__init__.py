@@ -17,7 +17,7 @@ The flow of data, top to bottom::
     report       the folder and the page of a run                        write_report
     case         a TOML file, checked                                    load_case
     preparation  a case -> the input of the studies                      preparation.prepare
-    refinement   coarser and finer versions of a case, up to a given accuracy
+    refinement   coarser and finer versions of a case, until a given accuracy is reached
     runs         a case -> results, by all of the above                  run
     sweeps       a case with several values of its keys                  sweep
     designs      results -> pressures that a leakage class needs         design

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from .base import Array, reals
 
-# former home of Persson's theory, which is still accepted
+# Persson's theory was in this module formerly, and can still be imported from it
 from .persson import CLOSING_AREA as CLOSING_AREA
 from .persson import Junction as Junction
 from .persson import critical_junction as critical_junction

@@ -158,7 +158,7 @@ def run(
     print_table(results.table())
     if results.attempts is not None:
         print_table(results.attempts_table())
-    if sys.stderr.isatty():  # elsewhere the log lines contain them
+    if sys.stderr.isatty():  # without a terminal, they have already appeared among the log lines
         _print_first("warning", results.warnings, folder)
         _print_first("failure", results.failures, folder)
     for text in results.verdict_lines:
@@ -216,7 +216,8 @@ def plot(
     step: Annotated[
         int | None,
         option(
-            "Number of the load step of the maps, from 0 as in the table.", "the highest that leaks"
+            "Number of the load step of the maps, from 0 as in the table.",
+            "highest load with leakage",
         ),
     ] = None,
     output: Annotated[
@@ -238,7 +239,7 @@ def view(
     folder: Folder,
     step: Annotated[
         int | None,
-        option("Number of the load step, from 0 as in the table.", "the highest that leaks"),
+        option("Number of the load step, from 0 as in the table.", "highest load with leakage"),
     ] = None,
     field: Annotated[
         str | None, option('"gap", "contact_pressure" or "fluid_pressure".', "all three")

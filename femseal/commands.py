@@ -135,7 +135,7 @@ def design(
         ),
     ] = None,
     probability: Annotated[
-        float, typer.Option(help="Fraction of the realisations whose needed pressure is given too.")
+        float, typer.Option(help="Fraction of realisations for which the needed pressure is added.")
     ] = 0.95,
     assembly: Annotated[
         list[str] | None,

@@ -303,7 +303,7 @@ def potential_of(fluid: Fluid, name: str, pressure: Any) -> float:
     if abs(returned_pressure - p) <= 1e-6 * abs(p):
         return potential
     expected = (
-        f"a pressure that {fluid} can have (of a gas absolute, >= 0; of a liquid αp below 20)"
+        f"a pressure that {fluid} can have (for a gas absolute and >= 0; for a liquid αp below 20)"
     )
     raise InputError(name, f"{p:g} Pa", expected)
 

@@ -41,7 +41,7 @@ _MOST = 10_000
 #: Highest pressure in the table of a real gas [Pa]. No seal carries a higher pressure, and equations of state are not
 #: valid at higher pressures.
 _HIGHEST = 1e9
-#: Smallest slope dφ/dp of a potential by which is divided [s/m²], because the slope at zero pressure is 0.
+#: Smallest slope dφ/dp [s/m²] by which Newton's method divides, because the slope at zero pressure is 0.
 _LEAST_SLOPE = 1e-200
 
 

@@ -304,7 +304,7 @@ def least_counted(leakage: Array) -> float:
 
 
 def _loads_text(loads: Sequence[float], unit: str) -> str:
-    """Write a list of loads and their unit as text for a message; without loads, the text is "an empty list"."""
+    """Format a list of loads with their unit as text for a message; without loads, the text is "an empty list"."""
     return ", ".join(to_text(load, unit) for load in loads) or "an empty list"
 
 

@@ -189,7 +189,7 @@ def _coolprop_and_name(name: Any, temperature: float) -> tuple[Any, str]:
     try:
         from CoolProp import CoolProp
     except ImportError:
-        remedy = "others, and real gases, after: pip install 'femseal[fluids]'"
+        remedy = "other fluids, and real gases, after: pip install 'femseal[fluids]'"
         _refuse(name, temperature, f"{names_in_table}; {remedy}")
     fluid = _name_in_coolprop(name)
     if fluid is None:
@@ -239,7 +239,7 @@ def refuse_unknown(name: Any, temperature: float, error: ValueError) -> NoReturn
     """Raise an InputError for a fluid whose properties CoolProp cannot compute at a temperature [K]."""
     if lacks_viscosity_model(error):
         expected = (
-            "a fluid of which CoolProp has the viscosity: of this one it has the density alone. Give the viscosity, "
+            "a fluid whose viscosity CoolProp knows: for this one it knows only the density. Give the viscosity, "
             "with kind = 'ideal-gas' and molar_mass for a gas, with kind = 'liquid' and density for a liquid"
         )
     else:

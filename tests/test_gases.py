@@ -149,7 +149,7 @@ def test_a_vapour_just_below_saturation_is_a_gas():
         (lambda: fs.RealGas("grease", 293.15), "name: .*Acetone"),
         (
             lambda: fs.RealGas("acetone", 500.0),
-            "a fluid of which CoolProp has the viscosity: of this one it has the density alone",
+            "a fluid whose viscosity CoolProp knows: for this one it knows only the density",
         ),
         (lambda: fs.RealGas("krypton"), "krypton.*has the density alone. Give the viscosity"),
         (lambda: named_fluid("N2O"), "N2O.*has the density alone. Give the viscosity"),

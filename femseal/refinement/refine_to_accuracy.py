@@ -1,4 +1,4 @@
-"""Run a case with a required accuracy: in several attempts, refine the setting that causes the largest error."""
+"""Run a case in several attempts, refining the setting with the largest error, until the accuracy is reached."""
 
 import json
 import logging
@@ -44,8 +44,8 @@ class Attempt:
     ----------
     settings : settings of the attempt.
     points : numbers of points of the surface along x1 and x2.
-    seconds : wall time of the attempt [s], including a solution on a coarser grid, from which the error of the pixel
-        size is estimated.
+    seconds : wall time of the attempt [s], including the solution on a coarser grid from which the error due to the
+        pixel size is estimated.
     half_width : largest half-width of the 95 % interval of ln(leakage) over the load steps; inf if the interval is
         unbounded.
     limit : error source with the widest interval.
@@ -134,7 +134,9 @@ class RefinedAnswer:
 
 
 def refine_to_accuracy(case: Case, original: StudyInput, run: Run) -> RefinedAnswer:
-    """Solve a case with finer and finer settings, until its accuracy is reached or cannot be reached.
+    """Solve a case in several attempts with finer and finer settings.
+
+    The attempts end when the required accuracy is reached, or when it is clear that it cannot be reached.
 
     After each attempt, the setting that causes the largest error is refined for the next attempt.
 
@@ -162,7 +164,7 @@ def refine_to_accuracy(case: Case, original: StudyInput, run: Run) -> RefinedAns
         try:
             solved = attempts.attempt(chosen.settings)
         except NotKept:
-            raise  # the results cannot be stored, which more attempts would not change
+            raise  # the results cannot be stored, and further attempts would not change that
         except FemsealError as error:
             if not attempts.done:
                 raise
@@ -275,7 +277,7 @@ class _Attempts:
         return json.dumps(self.case.echo(), default=str), len(self.done)
 
     def half_error(self) -> tuple[bool, str]:
-        """Say whether and by which settings the largest error of the last attempt can be halved, and in which time."""
+        """Say whether the largest error of the last attempt can be halved, by which settings, and in what time."""
         last = self.done[-1]
         finer = finer_settings(self.case, self.original, last.settings, last.limit, self.memory)
         if finer.settings is None:

@@ -11,10 +11,10 @@ from ..face.cut import FEWEST_POINTS
 from ..preparation.memory import refuse_impossible_sizes
 from ..studies import StudyCost
 
-#: Grid of the first and of the finest attempt: how many times the points along each side are doubled, relative to the
-#: points of the case. On the grid of the case, the shortest wave has 8 pixels. On the grid of the first attempt, the
-#: shortest wave has 4 pixels. The error of the first attempt is estimated with a coarser grid, on which the shortest
-#: wave has 2 pixels. With even fewer pixels, the estimated error was too small by up to a factor of 2.
+#: Grid of the first attempt and finest grid, each given by the exponent g: the number of points along each side is 2^g
+#: times the number in the case. On the grid of the case, the shortest wave has 8 pixels. On the grid of the first
+#: attempt, it has 4 pixels. The error of the first attempt is estimated with a coarser grid, on which the shortest wave
+#: has 2 pixels. With even fewer pixels, the estimated error was too small by up to a factor of 2.
 FIRST_GRID, MOST_GRID = -1, 4
 #: Smallest tolerance of the contact solution.
 LEAST_RTOL = 1e-8
@@ -31,7 +31,7 @@ FIRST_REALISATIONS, MOST_REALISATIONS, HALVING = 20, 20480, 4
 #: three times the largest error on six elastic and plastic surfaces, at loads from the open state to a hundredth of the
 #: open leakage, see docs/evidence/only_what_is_needed.md.
 TOLERANCE_ERROR = 1.9
-#: Fraction of the desired error of the leakage that the tolerance of the contact may cause.
+#: Fraction of the allowed error of the leakage that the tolerance of the contact solution may cause.
 TOLERANCE_FRACTION = 0.1
 
 
@@ -170,7 +170,7 @@ def last_version(case: Case, original: StudyInput, attempts: dict[str, Any] | No
 def expected_cost(study_input: StudyInput) -> StudyCost:
     """Estimate the time on one core [s] and the memory [byte] of the study that gives the leakage.
 
-    The other studies of the case are left out.
+    The other studies of the case are not counted.
     """
     return study_input.only_answer.cost(study_input.answer)
 

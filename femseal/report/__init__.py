@@ -1,4 +1,4 @@
-"""Write the results of a run for its user: a folder of files, and one self-contained page."""
+"""Write the results of a run for the user: a folder of files, and a report on one self-contained page."""
 
 from typing import TYPE_CHECKING
 

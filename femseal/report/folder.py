@@ -134,7 +134,7 @@ def write_again(
         if is_kept.get(stem) and (target / name).is_file():
             kept_files.append(name)
     if not fields:
-        # without fields, no load step is missing in them
+        # if the fields are removed, there are no load steps left out of them
         results.dataset.attrs["left_out"] = json.dumps([])
     formats = picture_formats if pictures else ()
     write_files = partial(_write_tables_and_pictures, results, surface, formats, report)
@@ -266,7 +266,7 @@ def _remove_files(folder: Path, names: Iterable[Path]) -> None:
     """
     parents: set[Path] = set()
     for name in names:
-        with suppress(OSError):  # the file is gone, or the name is too long to be one
+        with suppress(OSError):  # the file no longer exists, or the name is too long for a file
             if is_inside(folder, name):
                 (folder / name).unlink()
                 parents.update(name.parents)

@@ -141,7 +141,7 @@ def report_html(results: Results, drawings: Drawings | None = None) -> str:
 
 
 def _times_of_parts(data: xarray.Dataset) -> dict[str, float]:
-    """Return the wall time of each part of a run [s], without the times of the stages in these parts."""
+    """Return the wall time of each part of a run [s], but not of the single stages within the parts."""
     timings = json.loads(data.attrs["timings"])
     if "timed_parts" in data.attrs:
         return {part: timings[part] for part in json.loads(data.attrs["timed_parts"])}

@@ -19,7 +19,7 @@ def attempt_sentences(attempts: dict[str, Any]) -> list[str]:
     reached = "reached" if attempts["reached"] else "not reached"
     sentences = [
         f"The accuracy of {wanted} is {reached}: the leakage is known within {half_width_text(attempts)} at all loads "
-        "that leak more than 1/1000 of the first, by the numerical sources of its error budget alone."
+        "with more than 1/1000 of the leakage at the first load, if only the numerical error sources are counted."
     ]
     model_parts = attempts.get("model_parts")
     if model_parts:
@@ -32,7 +32,7 @@ def attempt_sentences(attempts: dict[str, Any]) -> list[str]:
         sentences.append(f"It is limited by the {attempts['limit']}, most at {attempts['load']}.")
     if attempts["why"]:
         sentences.append(f"No further attempt: {attempts['why']}.")
-    # the reason why there was no further attempt says already why the error cannot be halved
+    # the reason why there was no further attempt already says why the error cannot be halved
     can_halve = attempts.get("can_halve_error")
     if can_halve is None:  # in a record of an earlier version, only the text says so
         can_halve = not attempts["half_error"].startswith("not possible")

@@ -102,7 +102,7 @@ def leak_basis_of(data: xarray.Dataset, prefix: str = "") -> LeakBasis:
 def error_budgets(data: xarray.Dataset) -> dict[str, ErrorBudget]:
     """Return the error budgets by the key of their study, such as "two_scale".
 
-    A method without an error budget is not in the dictionary, nor is a study that is not in `STUDIES` now.
+    The dictionary contains only studies that have an error budget and are still in `STUDIES`.
     """
     steps = load_programme(data)
     # note on each source of error, by method and source

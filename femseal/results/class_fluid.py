@@ -10,13 +10,13 @@ from .results import Results
 
 
 def class_fluid(results: Results) -> FluidState | None:
-    """Return the fluid whose leakage is compared with leakage classes: the test fluid if any, else the service fluid.
+    """Return the fluid whose leakage is compared with leakage classes: the test fluid, or else the service fluid.
 
     Returns
     -------
     FluidState or None
         Fluid and pressures according to the case. If the fluid of the case cannot be read, the fluid of the studies in
-        memory is returned, or None without such studies.
+        memory is returned, or None if there are no studies in memory.
     """
     try:
         table = results.case.get("output", {}).get("test_fluid") or results.case["fluid"]

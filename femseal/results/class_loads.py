@@ -12,7 +12,7 @@ from .verdict import verdicts_of
 
 #: Number of significant digits of the loads.
 _DIGITS = 3
-#: Relative difference of the forces of two runs at the same pressure that `_DIGITS` digits cannot show.
+#: Largest relative difference between the forces of two runs at the same pressure that `_DIGITS` digits do not show.
 _SAME_FORCE = 0.5 * 10.0**-_DIGITS
 
 

@@ -59,7 +59,7 @@ class RunFacts:
     timings : mapping
         Wall time of each stage [s].
     quantiles : (float, float)
-        Lower and upper quantiles of the leakage of the realisations that are stored.
+        Probabilities of the lower and the upper quantile of the leakage over the realisations, which are stored.
     warnings : tuple of str
         Warnings about the case, which are stored in the dataset before the warnings of the studies.
     leakage_unit : str or None
@@ -74,7 +74,7 @@ class RunFacts:
         Names of the leakage classes that are checked at every step. The classes are checked for the test fluid or, in a
         run without one, for the service fluid.
     nominal_diameter : float or None
-        Nominal diameter of the seat [m], which the limits of some classes depend on.
+        Nominal diameter of the seat [m], on which the limits of some classes depend.
     throughput_temperature : float or None
         Temperature at which the throughput (pressure × volume per time) of a gas is given [K]; by default the
         temperature of the gas.
@@ -211,7 +211,7 @@ def _add_studies(
             _add_realisations(data, cast(StochasticResult, result), quantiles)
             continue
         _add_leakage(data, study, result)
-        # the fields of a contained result are among those of the result that contains it
+        # if a result is contained in the result of another study, its fields are added with the latter
         if study not in contained:
             _add_surface_study(data, scene, study, result)
     # variables of the measured patches, of the rows and of the surface

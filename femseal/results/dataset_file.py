@@ -160,8 +160,8 @@ def _with_all_attributes(data: xarray.Dataset) -> xarray.Dataset:
 def _kind_in_text(seal: str) -> str:
     """Return the kind of a seal from its description, such as "a strip, lay x1".
 
-    A file that an earlier version wrote from Python without a case states the kind nowhere else. These files no longer
-    change, so that nothing depends on how the present version words its descriptions.
+    Files that an earlier version wrote from Python, without a case, state the kind nowhere else. As no new files of
+    this kind are written, nothing depends on how the present version words its descriptions.
     """
     if not seal or seal.startswith("a strip"):
         return RectangularLayout.kind

@@ -47,7 +47,7 @@ def format_leakage(value: float, factor: float, unit: LeakUnit | None = None) ->
     ----------
     value : leakage per unit seal length [m²/s].
     factor : leakage per unit seal length [m²/s] that corresponds to 1 in the unit of the text.
-    unit : unit that is written behind a number; None for a number without a unit.
+    unit : unit that is written after a number; None for a number without a unit.
     """
     if np.isnan(value):
         return "failed"
@@ -67,7 +67,7 @@ def format_interval(
     low, high : lower and upper ends of the 95 % interval [m²/s].
     factor : leakage per unit seal length [m²/s] that corresponds to 1 in the unit of the text.
     leakage : leakage whose interval is written [m²/s].
-    unit : unit that is written behind the number of the upper end; None for numbers without a unit.
+    unit : unit that is written after the number of the upper end; None for numbers without a unit.
 
     Examples
     --------
@@ -105,12 +105,12 @@ def format_scatter(low: float, high: float, factor: float) -> str:
 
 
 def _dash_after(low: float) -> str:
-    """Return the text between the ends of an interval: "to" if a dash behind a negative lower end could be misread."""
+    """Return the text between the ends of an interval: "to" if a dash after a negative lower end could be misread."""
     return " to " if low < 0 else "–"
 
 
 def format_upper_end(high: float, factor: float, unit: LeakUnit) -> str:
-    """Format the upper end of the 95 % interval of a seal that does not leak as computed.
+    """Format the upper end of the 95 % interval of a seal whose computed leakage is zero.
 
     Parameters
     ----------
@@ -122,5 +122,5 @@ def format_upper_end(high: float, factor: float, unit: LeakUnit) -> str:
 
 
 def _behind_number(unit: LeakUnit | None) -> str:
-    """Return a unit with a space before it, "" without a unit."""
+    """Return a unit with a space before it, or "" if there is no unit."""
     return "" if unit is None else f" {unit.name}"

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class LoadFormat(NamedTuple):
-    """Write nominal pressures as the loads of a case: as pressures, or as forces.
+    """Format nominal pressures as text, as pressures or as forces, depending on which of them the case gives.
 
     Attributes
     ----------
@@ -35,13 +35,13 @@ class LoadFormat(NamedTuple):
     digits: int = 4
 
     def short(self, pressure: float) -> str:
-        """Write a nominal pressure [Pa] as a load of the case, such as "40 MPa" or "2 kN"."""
+        """Format a nominal pressure [Pa] as text, such as "40 MPa" or, if the case gives forces, "2 kN"."""
         if not self.unit:
             return to_text(pressure, "Pa", self.digits)
         return f"{self.per_pascal * pressure:.{self.digits}g} {self.unit}"
 
     def full(self, pressure: float) -> str:
-        """Write a nominal pressure [Pa]; a force is followed by the pressure, as in "2 kN (40 MPa)"."""
+        """Format a nominal pressure [Pa] as text, in which a force is followed by the pressure: "2 kN (40 MPa)"."""
         if not self.unit:
             return self.short(pressure)
         return f"{self.short(pressure)} ({to_text(pressure, 'Pa', self.digits)})"
@@ -54,7 +54,7 @@ class LoadFormat(NamedTuple):
         return f"force [{self.unit}]", self.per_pascal
 
 
-#: Writes loads as nominal pressures.
+#: Format for loads as nominal pressures.
 AS_PRESSURES = LoadFormat()
 
 
@@ -129,9 +129,9 @@ def branch_text(peak: float | None, text: Callable[[float], str] = AS_PRESSURES.
 
 
 def given_loads(data: xarray.Dataset) -> tuple[str, list[float]]:
-    """Return the SI unit of the loads in the case, "Pa", "N" or "N/m", and the loads on loading and the peaks in it.
+    """Return the SI unit of the loads in the case ("Pa", "N" or "N/m"), and a list of loads in this unit.
 
-    Without a case, the unit is "Pa", and the list is empty.
+    The list contains the loads on loading and the peaks. Without a case, the unit is "Pa", and the list is empty.
     """
     # a stored case contains pressures as numbers, and forces as texts with a unit; all its loads have the same unit
     table = json.loads(data.attrs.get("case", "{}")).get("load", {})
@@ -166,7 +166,7 @@ def load_format(data: xarray.Dataset, digits: int = 4) -> LoadFormat:
         return LoadFormat(digits=digits)
     highest_force = max(loads)  # [N] or [N/m]
     unit = "N"
-    factor = 1.0  # value in `unit` of a force of 1 in SI
+    factor = 1.0  # number in `unit` that corresponds to a force of 1 N or 1 N/m
     if si_unit == "N/m":
         unit = "N/mm"
         factor = 1e-3

@@ -65,9 +65,11 @@ def add_classes(
     upper = np.zeros_like(leakage) if budget is None else budget.upper
     names = [leak_class.name for leak_class in classes]
     add_coordinate(data, "leak_class", "1", "leakage class", names)
-    text = "largest leakage per unit seal length in the class, of the fluid that decides on it"
+    text = (
+        "largest leakage per unit seal length that the class allows, for the fluid compared with it"
+    )
     add_new(data, "class_limit", "m^2/s", text, limits, ("leak_class",))
-    text = "1 where the leakage given meets the class, 0 where not or failed, NaN: open"
+    text = "1 where the leakage meets the class, 0 where it does not or is unknown, NaN: undecided"
     add_new(data, "class_met", "1", text, _is_met(limits, leakage, upper), LEAK_CLASS)
     text = "fraction of the realisations that meet the class, NaN: open or failed"
     fraction = _fraction_met(limits, leakage, of_realisations, upper)
@@ -146,7 +148,7 @@ def _warnings(classes: Sequence[LeakClass], length: float, diameter: float | Non
     ]
     if secondary:
         warnings.append(
-            f"The limits of {', '.join(secondary)} are from tables of others, not from the text of the standard: "
+            f"The limits of {', '.join(secondary)} come from secondary sources, not from the text of the standard: "
             "compare them with the standard before you rely on them."
         )
     if diameter is None or not any(leak_class.per_diameter for leak_class in classes):
@@ -155,8 +157,8 @@ def _warnings(classes: Sequence[LeakClass], length: float, diameter: float | Non
     ratio = length / circumference
     if not 1 / _ODD_LENGTH_RATIO <= ratio <= _ODD_LENGTH_RATIO:
         warnings.append(
-            "Leakage classes by nominal diameter may be judged wrongly, as they are of the whole seal: it is "
-            f"{to_text(length, 'm', 3)} long, but a seat of {to_text(diameter, 'm', 3)} is about "
+            "Leakage classes that depend on the nominal diameter may be judged wrongly. Their limits are for the whole "
+            f"seal, which is {to_text(length, 'm', 3)} long here, but a seat of {to_text(diameter, 'm', 3)} is about "
             f"{to_text(circumference, 'm', 3)} long. Check the length of the seal and nominal_diameter."
         )
     return warnings

@@ -183,14 +183,15 @@ def _from_folder(run: Results, name: str, step: int) -> xarray.DataArray | None:
     images = {} if run.folder is None else vtk_files.stored_images(run.folder, SERIES_NAME)
     if step not in images:
         return None
-    # The name of an array in the image consists of the name and the unit of the field. The unit is unknown: try all.
+    # The name of an array in the image consists of the name and the unit of the field. As the unit is not known here,
+    # the names with all possible units are tried.
     candidates = [Field(name, unit, name.replace("_", " "), PIXEL) for unit in READABLE]
     by_array_name = {field.array_name: field for field in candidates}
     array, image = vtk_files.read_image(images[step], by_array_name)
     if array is None:
         return None
     field = by_array_name[array]
-    # the dimensions of a VTK image count the corners of the pixels, which are one more along each side
+    # the dimensions of a VTK image count corners; along each side, there is one more corner than there are pixels
     shape = tuple(count - 1 for count in image.dimensions[:2])
     values = np.asarray(image.cell_data[array].reshape(shape, order="F"), np.float64)
     return _at_pixels(field, values / field.scale, image.spacing[:2])

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..base import Array, InputError, reals, validate
 
-#: Largest relative deviation of the permeability from a power law within the range of pressures of the law.
+#: Largest relative deviation of the permeability from a power law in the range of pressures for which the law is used.
 FIT_TOLERANCE = 0.1
 
 

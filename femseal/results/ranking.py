@@ -90,8 +90,8 @@ class Ranking:
             return f"{subject}, and also with the whole 95 % intervals."
         others = _listed(overlapping)
         return (
-            f"{subject}. Its 95 % interval overlaps with that of {others}: they cannot be told apart by it. "
-            "Errors that the runs share, such as those of one surface, make the order more certain than that."
+            f"{subject}. Its 95 % interval overlaps with that of {others}: the intervals do not tell them apart. "
+            "If the runs share errors, for example those of one surface, the order is more certain than that."
         )
 
 

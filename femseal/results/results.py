@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-import femseal  # its packages are loaded when a method uses them, and import this module
+import femseal  # packages of femseal that import this module are loaded only when a method uses them
 
 from ..base import (
     AnyPath,

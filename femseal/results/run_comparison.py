@@ -47,7 +47,7 @@ Run = Results | AnyPath
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RunComparison(Plotted):
-    """A comparison of several runs, even if their loads, methods and seal lengths differ.
+    """A comparison of several runs, whose loads, methods and seal lengths may differ.
 
     Attributes
     ----------
@@ -369,7 +369,7 @@ class RunComparison(Plotted):
 
 
 def compare(runs: Mapping[str, Run] | Sequence[Run], *, unit: str | None = None) -> RunComparison:
-    """Compare several finished runs, even if their loads, methods, faces and seal lengths differ.
+    """Compare several finished runs, whose loads, methods, faces and seal lengths may differ.
 
     Parameters
     ----------

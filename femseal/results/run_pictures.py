@@ -53,7 +53,7 @@ class RunPictures:
         Parameters
         ----------
         step : int, optional
-            Index of the load step; by default the step with the highest load that still leaks.
+            Index of the load step; by default the step with the highest load at which the seal still leaks.
         """
         return self._shown("seal_figure", self._results, step)
 
@@ -64,7 +64,7 @@ class RunPictures:
         ----------
         step : int, optional
             Index of the load step for which the range of the fluid pressure over the seal is shaded; by default the
-            last step that leaks.
+            last step at which the seal leaks.
         """
         self._require("face_fluid_pressure", "a run that solved the surface")
         return self._shown("pressure_figure", self._results, step)
@@ -82,7 +82,7 @@ class RunPictures:
         Parameters
         ----------
         step : int, optional
-            Index of the load step; by default the step with the highest load that still leaks.
+            Index of the load step; by default the step with the highest load at which the seal still leaks.
 
         Raises
         ------
@@ -117,7 +117,7 @@ class RunPictures:
             Names of the pictures, such as "leakage" and "cells"; by default all pictures for which the results contain
             data.
         step : int, optional
-            Index of the load step of the maps; by default the highest load that leaks.
+            Index of the load step of the maps; by default the step with the highest load at which the seal leaks.
 
         Returns
         -------
@@ -127,7 +127,8 @@ class RunPictures:
         Raises
         ------
         InputError
-            A format, a name or a step is unknown, the results have no data for a picture, or the folder cannot be made.
+            A format, a name or a step is unknown, the results have no data for a picture, or the folder cannot be
+            created.
         """
         return femseal.report.write_pictures(self._results, folder, formats, names, step)
 

@@ -317,9 +317,9 @@ class _Seal:
 def equivalent_width(results: Results) -> float:
     """Return the width w [m] of the straight seal that leaks as much per unit length as the seal of a run.
 
-    The leakage per unit length of a straight seal is q = k D/w, see the module. For a strip, w is the width of the
-    strip. For a ring with the inner radius r_i, the outer radius r_o and the mean radius r, the width of the equivalent
-    straight seal is w = r ln(r_o/r_i).
+    The leakage per unit length of a straight seal is q = k D/w, see the top of this module. For a strip, w is the width
+    of the strip. For a ring with the inner radius r_i, the outer radius r_o and the mean radius r, the width of the
+    equivalent straight seal is w = r ln(r_o/r_i).
 
     Raises
     ------
@@ -355,7 +355,7 @@ def _check_uniform_pressure(results: Results) -> None:
 
 
 def index_text(value: float) -> str:
-    """Write a sealing index with two digits, such as 3400 or 1.2e7, or "unknown" if it is not finite."""
+    """Format a sealing index with two digits, such as 3400 or 1.2e7; an index that is not finite is "unknown"."""
     if not isfinite(value):
         return "unknown"
     if value == 0:

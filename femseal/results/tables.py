@@ -26,7 +26,7 @@ from .results import Results
 if TYPE_CHECKING:
     import xarray
 
-#: Heading of a column of a table, and the text of each of its lines.
+#: Heading of a column of a table, and the text in each line of the column.
 Column = tuple[str, list[str]]
 
 #: Headings in the terminal that are longer than this are broken between words [characters].

@@ -183,7 +183,7 @@ def why_unknown(results: Results, step: int) -> str:
         return "the solution failed"
     if step in results.open_steps:
         return "the fluid carries the load alone"
-    return "what is computed as sealed may leak any amount by the error budget"
+    return "a seal computed as sealed may leak any amount according to its error budget"
 
 
 def deciding_fluid(results: Results) -> str:

@@ -288,7 +288,7 @@ class _ParagraphWriter:
         return sentences
 
     def _vague_step(self, verdicts: Sequence[Verdict]) -> int | None:
-        """Return the loading step of highest load at which it is uncertain whether a class is met.
+        """Return the step with the highest load on loading at which it is uncertain whether a class is met.
 
         At this step, the computed leakage is above 0 and meets a class, but the upper end of its 95 % interval does
         not. The function returns None if it is certain at every step whether the classes are met.

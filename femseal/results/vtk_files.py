@@ -215,7 +215,7 @@ def as_xml(mesh: Any) -> bytes:
     if not writer.Write():
         raise OSError("VTK could not write a file")
     content = writer.GetOutputString()
-    # VTK returns text if the content happens to be valid text
+    # VTK returns a string instead of bytes if the content happens to be valid text
     return content if isinstance(content, bytes) else content.encode()
 
 

@@ -19,7 +19,7 @@ from ..seal.layouts import RectangularLayout
 from ..studies import Scene
 from ..topography import Patches
 
-#: Number of shortest waves that each side of a cell should contain.
+#: Recommended length of each side of a cell, in multiples of the shortest wavelength.
 ADVISED_WAVES = 8
 
 #: Name and text of a line. A line with the name "" continues the last named line before it.
@@ -251,5 +251,5 @@ def _cells_text(study_input: StudyInput, cells: Shape) -> str:
     size = " × ".join(to_text(side, "m", 3) for side in sides)
     text = f"{cells[0]} × {cells[1]} of about {size}, that is {n_waves[0]:.3g} × {n_waves[1]:.3g} shortest waves"
     if min(n_waves) < ADVISED_WAVES * 0.99:  # with a tolerance for rounding
-        text += f"; {ADVISED_WAVES} or more are advised, of a larger face"
+        text += f"; {ADVISED_WAVES} or more are advised, which takes a larger face"
     return text

@@ -48,7 +48,7 @@ class DiskSpace:
         """Return the expected size of the files of a run as text."""
         text = f"about {_size_text(self.fields + self.other_files)}"
         if self.fields:
-            text += f", of it fields {_size_text(self.fields)} before compression"
+            text += f", including fields of {_size_text(self.fields)} before compression"
             text += f" ({self.stored_steps} of {self.steps} steps, fields_limit)"
         if self.checkpoint:
             text += f"; {_size_text(self.checkpoint)} more while it runs"

@@ -93,7 +93,7 @@ def refuse_finished(folder: Path, case: Case | None = None) -> None:
         return
     if case is None:
         given = f"'{folder}', which holds the results of a finished run"
-        expected = "another folder, --resume to take these results if they are of this case"
+        expected = "another folder, --resume to use these results if they belong to this case"
     else:
         try:
             former = open_results(folder).case

@@ -107,7 +107,7 @@ def forecast(
         inputs = [study_input, *budget_versions]
         test_fluid = case.output.test_fluid
         if test_fluid is not None and drop_ratio(test_fluid.state, study_input.scene) is None:
-            # the seals of the answer are solved again with the test fluid
+            # the best method solves its seals again with the test fluid
             scene = test_fluid.state.in_scene(study_input.scene)
             inputs.append(replace(study_input.only_answer, scene=scene))
         # if the number of realisations is chosen during the run, it lies between these two numbers
@@ -167,9 +167,9 @@ def refuse_too_large(case: Case, original: StudyInput) -> None:
     points = as_text(study_input.scene.surface.shape)
     given = f"a run that takes about {needed / 1e9:.3g} GB, on {points} points"
     method = names_with("solves_whole_surface", False)
-    advice = f"fewer surface.points or load steps, or the method {method}, which solves a part of a face at a time"
+    advice = f"fewer surface.points or load steps, or the method {method}, which solves one part of a face at a time"
     if limit <= START_MEMORY:
-        advice = f"more than the {START_MEMORY / 1e9:g} GB that any run takes before its work"
+        advice = f"more than the {START_MEMORY / 1e9:g} GB that any run takes at its start"
     needed_gb = np.ceil(needed / 1e8) / 10  # rounded up to 0.1 GB
     expected = (
         f"at most the {limit / 1e9:.3g} GB {limit_name}: {advice}; "

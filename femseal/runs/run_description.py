@@ -87,9 +87,7 @@ def _time_line(expected: Forecast) -> str:
     all_cores = expected.time_text(n_cores)
     text = f"{one_core} on one core, {all_cores} on the {n_cores} of this machine"
     if expected.most_parallel_seconds > expected.parallel_seconds:
-        text += (
-            f" ({FEWEST_BY_DEFAULT} to {MOST_BY_DEFAULT} seals, as many as their scatter asks for)"
-        )
+        text += f" ({FEWEST_BY_DEFAULT} to {MOST_BY_DEFAULT} seals, depending on their scatter)"
     return text
 
 

@@ -3,7 +3,7 @@
 scene             surface + loads + fluid                                  -> Scene, FluidState
 fluid_pressure    a fluid whose pressure acts on the surfaces
 fluid_coupling    contact of the whole surface under the fluid pressure of the flow through its gap
-separation        contact load of a surface whose load the fluid carries nearly alone
+separation        contact load of a surface when the fluid carries nearly the whole load
 patch_contacts    contact of several measured patches of one surface
 trapped_liquid    pressures of liquid that is trapped in closed pockets
 choices           names of the options of a scene

@@ -159,7 +159,7 @@ class Scene:
 
     @property
     def coatings(self) -> tuple[Coated, ...]:
-        """The coated ones of the two bodies in contact; empty if only a contact modulus is given."""
+        """Those of the two bodies in contact that have a coating; empty if only a contact modulus is given."""
         if isinstance(self.modulus, float):
             return ()
         return tuple(body for body in self.modulus if isinstance(body, Coated))
@@ -223,13 +223,17 @@ class Scene:
             return "its pressure on the surfaces is ignored"
         fluid = self.acting_fluid
         if fluid is None:
-            return "it carries less than 0.01 % of every load: that changes leakage by less than 0.5 %, and is left out"
+            return "it carries less than 0.01 % of every load, and is neglected: it changes leakage by less than 0.5 %"
         carried = to_text(abs(fluid.mean_if_separated), "Pa", 3)
         if fluid.mean_if_separated < 0:
             return f"it pulls the surfaces together with a mean pressure of {carried}"
-        in_addition = "with the contact" if self.nominal == "total" else "besides the contact's"
+        in_addition = (
+            "of the load" if self.nominal == "total" else "in addition to the load on the contact"
+        )
         smallest_load = min((p for p in self.steps.pressures if p > 0), default=np.inf)
-        largest_fraction = f", up to {fluid.mean_if_separated / smallest_load:.2g} of the load"
+        largest_fraction = (
+            f", which is {fluid.mean_if_separated / smallest_load:.2g} times the smallest load"
+        )
         trapped = "; liquid in closed pockets keeps its volume" if fluid.trapped else ""
         return f"it pushes the surfaces apart, and carries about {carried} {in_addition}{largest_fraction}{trapped}"
 

@@ -141,12 +141,12 @@ def liquid_in_pockets(
     liquid_volume = amount * np.exp(-pressure / bulk_modulus)
     excess = liquid_volume - volume
 
-    # Newton step: a higher pressure enlarges the pocket and compresses the liquid, by the excess in total
+    # Newton step: a higher pressure enlarges the pocket and compresses the liquid, together by the excess
     radius = np.sqrt(area / np.pi)
     modulus = modulus_of_waves(half_space.modulus, 1 / radius)
     compliance = 16 * area * radius / (3 * np.pi * modulus)
     compliance += volume / bulk_modulus
-    # liquid has no tension: vapour fills the part of a pocket that the liquid does not
+    # liquid bears no tension: vapour fills the part of a pocket that the liquid does not fill
     lowest = np.minimum(surrounding_pressure, 0.0)
     highest = np.maximum(highest_pressure, lowest)
     new_pressure = np.clip(pressure + excess / compliance, lowest, highest)

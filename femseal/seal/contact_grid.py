@@ -66,8 +66,7 @@ class ContactGrid:
         frame : Frame
             Coordinates of the seal.
         profile : bool
-            Whether the form deviation varies only across the seal and not along the seal. If the form deviation does
-            not vary along the seal, the grid has more rows.
+            True if the form deviation varies only across the seal and not along it. The grid then has more rows.
         """
         if tiles.grid is None:
             return cls._over_mesh(tiles)
@@ -89,7 +88,7 @@ class ContactGrid:
 
     @classmethod
     def _over_mesh(cls, tiles: SealTiles) -> ContactGrid:
-        """Cover a mesh with squares whose side is half that of an average tile, within limits for their number."""
+        """Cover a mesh with squares half as wide as an average tile, as long as their number is within its limits."""
         import pyvista
 
         mesh = tiles.seal.mesh

@@ -27,9 +27,8 @@ from .tiles import CellSize, SealTiles, lay_axes, strip_tiles
 
 #: Largest number of tiles between inlet and outlet.
 MOST_ROWS = 1000
-#: Smallest width of a ring, as a multiple of the width of a cell. A warning is given if the width of the tiles at the
-#: inner radius of the ring is less than the first multiple of the width of a cell. An error is raised if this width is
-#: less than the second multiple.
+#: Two limits for the width of the tiles at the inner radius of a ring, as fractions of the width of a cell. Narrower
+#: tiles lead to a warning below the first limit, and to an error below the second.
 _NARROW, _NARROWEST = 0.7, 0.35
 #: An element of a mesh counts as much larger than a cell if its area is more than this many times the area of a cell.
 #: With elements of this size, the leakage scatters twice as much as with elements of the size of a cell.
@@ -280,8 +279,8 @@ def _large_elements(outlines: Array, cell_size: Pair, unit: str) -> tuple[str, .
     sides = dict.fromkeys(to_text(side, "m", 3) for side in cell_size)
     element_size = min(cell_size) / to_si(f"1 {unit}", "m", "unit")
     return (
-        f"The leakage scatters too much between realisations, up to about {most_cells**0.5:.2g} times: over {part:.0%} "
-        f"of the seal, elements of the mesh take one cell of the surface where up to {most_cells:.0f} cells of "
-        f"{' × '.join(sides)} have room. Mesh the seal with elements of at most {element_size:.2g} {unit}, in gmsh "
+        f"The leakage scatters too much between realisations, by a factor of up to {most_cells**0.5:.2g}: over "
+        f"{part:.0%} of the seal, elements of the mesh take one cell of the surface where up to {most_cells:.0f} cells "
+        f"of {' × '.join(sides)} have room. Mesh the seal with elements of at most {element_size:.2g} {unit}, in gmsh "
         f"with -clmax {element_size:.2g}, or use larger cells",
     )

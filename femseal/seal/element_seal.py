@@ -110,7 +110,7 @@ class ElementSeal(SealOnMesh):
 
     @cached_property
     def solvers(self) -> tuple[str, ...]:
-        """Solvers that `flow` accepts: on rectangles whose edges are parallel to the lay all solvers."""
+        """Solvers that `flow` accepts: all for rectangles with edges parallel to the lay, otherwise those on meshes."""
         lay_is_along_edges = not (self._rounded_axes[..., 0] * self._rounded_axes[..., 1]).any()
         return SOLVERS if self.rectangles is not None and lay_is_along_edges else MESH_SOLVERS
 
@@ -124,7 +124,7 @@ class ElementSeal(SealOnMesh):
         permeability : float or array, (n,), (n, 2) or (n, 2, 2)
             Permeability of the n elements [m³], in one of the forms that the method `tensors` accepts.
         bounds : bool
-            Whether to return a lower and an upper bound of the flow, too.
+            Whether to return a lower and an upper bound of the flow as well.
         solver : str
             "multigrid" or "elimination" for rectangles whose lay is parallel to their edges, "amg" or "direct" on the
             mesh, or "auto".

@@ -123,7 +123,7 @@ class Layout(Protocol):
 #: Explanations of the keys `inlet` and `lay` of a case.
 _INLET = "inlet: a side of the ring, or boundaries of the mesh"
 _LAY = (
-    "direction on the seal of the axis x2 of the surface: a word, or a table such as {angle = '30 deg'}, "
+    "direction that the axis x2 of the surface has on the seal: a word, or a table such as {angle = '30 deg'}, "
     "{kind = 'spiral', lead = '60 um', starts = 1}, {field = 'file.vtu:name'}"
 )
 

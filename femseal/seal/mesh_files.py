@@ -97,7 +97,7 @@ def read_mesh(path: str | PathLike[str], unit: float = 1.0) -> Mesh:
 
 
 def _kind_of_cells(file: Path, data: Any) -> str:
-    """Return the kind of cells in a mesh file, a key of `_KINDS`; raise InputError for several or other kinds."""
+    """Return the kind of cells in a mesh file; raise InputError unless it is a single kind, and a key of `_KINDS`."""
     present = [kind for kind in (*_KINDS, *_SECOND_ORDER) if kind in data.cells_dict]
     if len(present) == 1 and present[0] in _KINDS:
         return present[0]

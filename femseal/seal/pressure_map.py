@@ -28,7 +28,7 @@ GAP = 4.0
 #: of the height of the triangle. On a ring, some points are outside of all triangles, because straight edges cut off
 #: the arcs.
 OUTSIDE = 0.1
-#: Allowed rounding error of a coordinate, as a fraction of a section of a profile or of a radius.
+#: Allowed rounding error of a coordinate, as a fraction of the radius or of the width of a section of a profile.
 _ROUNDING = 1e-9
 
 

@@ -64,7 +64,7 @@ class Seal(Protocol):
         """Check the permeability, and compute the flow for a potential of 1 at the inlet and 0 at the outlet.
 
         The conductance of the flow is the value that is reported as the leakage; it does not depend on `bounds`. With
-        `bounds`, the flow has a lower and an upper bound, too.
+        `bounds`, the flow also has a lower and an upper bound.
         """
         ...
 

@@ -1,8 +1,8 @@
 """Compute digests of plain data, of the content of files, and of functions and objects of known modules.
 
-The code of Python, of femseal and of installed packages is known: a name and a version identify it. Code that somebody
-else has written has no digest, because it may change without a change of its name. If a result depends on such code, it
-is neither read from the store nor written to it.
+The code of Python, of femseal and of installed packages is known: a name and a version identify it. All other code,
+such as a script of the user, has no digest, because it may change while its name stays the same. If a result depends on
+such code, it is neither read from the store nor written to it.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ class Store:
         except NoDigest:
             yield from mapper(stage, *iterables)
             return
-        # requested items in their order, without a yielded result
+        # requested items whose results have not been yielded yet, in their order
         pending: deque[_Pending] = deque()
         # the generator fills `pending` whenever the mapper requests an item
         items = self._items_to_compute(zip(*iterables, strict=False), key_of, pending)

@@ -50,7 +50,7 @@ class BlocksStudy(Study):
 
         pixels = scene.surface.heights.size
         b1, b2 = blocks_of(options.cells)
-        # three flows for each pressure of the fluid: of the block, and of its cells along both axes
+        # three flows for each fluid pressure: through the block, and through its cells along each of the two axes
         flow_seconds = 3 * count_pressures(scene) * FLOW_SECONDS
         seconds = TABULATED_STATES * pixels * (2 * CONTACT_SECONDS + flow_seconds)
         return StudyCost(seconds, state_memory(pixels / (b1 * b2)) + _SPLIT_BYTES * pixels)

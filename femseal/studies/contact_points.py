@@ -24,9 +24,9 @@ from .rough_layer import RoughLayer
 _RTOL, _MOST_ITERATIONS = 1e-5, 5000
 #: Accepted relative error of the load if all points in contact yield.
 _LOAD_TOLERANCE = 1e-9
-#: The slope of the energy along a step of the iteration changes its sign if the step is too long. A slope at the end of
-#: up to this fraction of the slope at the start is accepted. If the slope at the end is larger, a shorter step is
-#: computed with the same relative accuracy.
+#: If a step of the iteration is too long, the slope of the energy along the step changes its sign. A step is accepted
+#: if the slope at its end is at most this fraction of the slope at its start. Otherwise, a shorter step is computed
+#: with the same relative accuracy.
 _OVERSHOT = 0.1
 #: Error of the uniform part of the pressure, as a fraction of the mean pressure.
 _UNIFORM_TOLERANCE = 1e-3

@@ -77,7 +77,7 @@ LEAST_TRUTH = 1e-4
 #: gave the largest fraction of true leakages in the intervals for kinds of surfaces that were left out of the
 #: calibration.
 LEAST_KNOWN = 1e-3
-#: Carriers and detours of a sealed state, as of a flow through a single constriction.
+#: Carriers and detours that are assumed for a sealed state: those of a flow through a single constriction.
 _SEALED_CARRIERS, _SEALED_DETOURS = 1.0, 0.0
 #: Value of the column "patch" in rows that were computed from two patches together.
 _BOTH_PATCHES = "both"

@@ -57,12 +57,12 @@ class PatchLeakage(Shown):
 
     @property
     def alone(self) -> Array:
-        """Leakage of a surface that consists of a single patch, for each patch (patches, steps) [m²/s]."""
+        """Leakage of each patch, as if it were the whole surface (patches, steps) [m²/s]."""
         return self.selections if self.without is None else self.selections[: len(self.without)]
 
     @property
     def without(self) -> Array | None:
-        """Leakage with one patch left out, for each omitted patch (patches, steps) [m²/s]; None for two patches."""
+        """Leakage of all patches but one, for each omitted patch (patches, steps) [m²/s]; None for two patches."""
         # With two patches, `selections` has two rows, and half of the rows is fewer than `FEWEST_PATCHES`.
         patches = len(self.selections) // 2
         return self.selections[patches:] if patches >= FEWEST_PATCHES else None

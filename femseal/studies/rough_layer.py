@@ -25,8 +25,8 @@ from ..loads import LoadProgramme, LoadStep
 from ..scene import Scene
 
 #: Pressures on loading at which the rough contact is solved, as fractions of the pressure at which points yield for the
-#: first time. If the contact law carries higher pressures, as with coatings, higher pressures at the same ratio to each
-#: other follow.
+#: first time. If the contact law allows higher pressures, as with coatings, higher pressures are added with the same
+#: ratio between neighbours.
 _PRESSURES = np.geomspace(1e-3, 1.0, 17)
 #: Indices in `_PRESSURES` of the peak pressures from which the layer is unloaded, in addition to the highest pressure
 #: of the layer.

@@ -101,7 +101,7 @@ class SealContact:
 
     @property
     def added_permeability(self) -> Array:
-        """Increase of the permeability of each tile by the opening of the surfaces (steps, tiles) [m³]."""
+        """Increase of the permeability of each tile due to the opening of the surfaces (steps, tiles) [m³]."""
         return self.grid.means(opening_permeability(self.separation, self.opening))
 
 

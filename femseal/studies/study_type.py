@@ -87,7 +87,7 @@ class Study:
     uses_mirrors: ClassVar[bool] = False
     #: Whether the result has fields over all pixels of the surface, at every load step.
     has_pixel_fields: ClassVar[bool] = False
-    #: Name of the error source that describes the limited size of the measured patch, or of what is solved at once.
+    #: Name of the error source that describes the limited size of the measured patch, or of the part solved at once.
     patch_source: ClassVar[str] = "patch"
 
     @property

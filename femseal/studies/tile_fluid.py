@@ -1,4 +1,4 @@
-"""Choose the fluid pressures at which the cells of a seal are solved, and the contact pressure that each leaves."""
+"""Choose the fluid pressures at which the cells of a seal are solved, and compute the contact pressure at each."""
 
 from __future__ import annotations
 

@@ -110,7 +110,7 @@ def check_map(scene: Scene, tiles: SealTiles, pressure_map: AnyMap) -> tuple[str
         warnings.insert(
             0,
             f"over {unloaded:.0%} of the seal the map presses no more than the fluid carries, "
-            f"{to_text(carried, 'Pa', 3)}: tiles just touch there, and a gap that opens is not in the leakage",
+            f"{to_text(carried, 'Pa', 3)}: tiles just touch there, and the leakage does not include a gap that opens",
         )
     return tuple(warnings)
 

@@ -371,7 +371,7 @@ def short_names(keys: Sequence[str]) -> tuple[str, ...]:
 
 
 def value_text(value: Any) -> str:
-    """Write a value of a key as a short string.
+    """Format a value of a key as a short string.
 
     Examples
     --------

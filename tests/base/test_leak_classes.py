@@ -243,7 +243,7 @@ def test_drops_and_bubbles_have_the_volume_that_the_case_gives():
     assert_allclose(other.leakage_in("drops/min"), plain.leakage_in("drops/min") / 2)
     limits = other.dataset["class_limit"].values * other.leak_basis.length
     assert_allclose(limits, [1e-7, 5e-4 * 1e-6 / 60 * 80 / 25.4 * 1e6 / 6894.757])
-    assert any("are from tables of others" in text for text in other.warnings)
+    assert any("come from secondary sources" in text for text in other.warnings)
     basis = leak_basis(HELIUM, 2.0, bubble_volume=0.3e-6)
     assert_allclose(basis.factor(LEAK_UNITS["bubbles/s"]), 0.15e-6)
 

@@ -187,7 +187,7 @@ def test_elements_much_larger_than_cells_are_warned_of(tmp_path):
     angle = np.pi / 2 / 16
     largest = 0.5 * 1.4e-3 * 0.1e-3 * np.sin(angle)
     assert f"where up to {largest / side**2:.0f} cells of 20 µm have room" in text
-    assert f"up to about {np.sqrt(largest) / side:.2g} times" in text
+    assert f"by a factor of up to {np.sqrt(largest) / side:.2g}:" in text
     assert "over 100% of the seal" in text
     assert "-clmax 0.02," in text
     for fitting in (6e-5, 1e-3):
