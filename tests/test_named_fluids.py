@@ -63,7 +63,7 @@ def test_fluids_are_found_by_all_names_that_coolprop_knows(written, fluid):
     pytest.importorskip("CoolProp")
     assert _name_in_coolprop(written) == fluid
     if fluid == "Ethylene":
-        with pytest.raises(fs.InputError, match=r"'ethene' .*has the density alone. Give"):
+        with pytest.raises(fs.InputError, match=r"'ethene' .*knows only the density. Give"):
             named_fluid(written, 400.0)
         return
     hot = named_fluid(fluid, 400.0)
