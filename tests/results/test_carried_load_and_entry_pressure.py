@@ -38,7 +38,9 @@ def test_results_say_what_the_fluid_does(scene):
         assert "open" in str(table)
         assert "failed" not in str(table)
     little = replace(scene, inlet_pressure=5e3)
-    assert "is neglected" in assemble(little, fs.deterministic(little)).dataset.attrs["fluid_effect"]
+    assert (
+        "is neglected" in assemble(little, fs.deterministic(little)).dataset.attrs["fluid_effect"]
+    )
 
 
 def test_capillary_entry_pressure():
