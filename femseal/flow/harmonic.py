@@ -14,9 +14,10 @@ from .solvers.hierarchy import levels_of_operator
 from .solvers.v_cycle import cycle
 
 #: Largest fraction of undefined values for which Laplace's equation is solved by elimination. On filtered noise of
-#: 256 × 512 and 512² pixels, elimination takes 0.1 to 0.9 of the time of multigrid if at most a fifth of the
-#: values is undefined, and 1 to 6 times as long if two fifths are undefined, because the undefined areas grow together.
-_LARGEST_ELIMINATED = 0.2
+#: 128 × 256, 256 × 512 and 512² pixels, elimination takes 0.6 of the time of multigrid if a fifth of the values is
+#: undefined, about the same time at three tenths, and 1 to 6 times as long at two fifths, because the undefined areas
+#: grow together. Below the limit, the loops of multigrid for large grids need not be compiled.
+_LARGEST_ELIMINATED = 0.3
 #: The conjugate gradients stop at this relative residual, or after this number of iterations. The largest error is then
 #: about 1e-4 of the range of the defined values.
 _RTOL, _MOST_ITERATIONS = 9e-6, 100

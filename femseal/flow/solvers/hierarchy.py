@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ...base import Singles
-from ...base.compiled import REORDERED, by_rows, compiled, leader
+from ...base.compiled import REORDERED, by_rows, compiled, inlined_leader, leader
 from .clusters import Clusters, find_clusters
 from .coarsest import eliminate_coarsest
 from .interpolation import (
@@ -95,7 +95,7 @@ def _five_point_operator(first, end, centre, right, below, along, across, ring):
             wrap_row(below[i])
 
 
-@leader(**REORDERED)
+@inlined_leader(**REORDERED)
 def build_levels(along, across, ring):
     """Build the multigrid levels of a stencil, and eliminate the nodes of the coarsest level."""
     fine = np.zeros((3, along.shape[0] + 1, along.shape[1] + 2))
@@ -103,7 +103,7 @@ def build_levels(along, across, ring):
     return levels_of_operator(fine, ring)
 
 
-@leader(**REORDERED)
+@inlined_leader(**REORDERED)
 def levels_of_operator(fine, ring):
     """Build the multigrid levels of a five-point operator, and eliminate the nodes of the coarsest level.
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base import Array
-from ...base.compiled import REORDERED, compiled, leader
+from ...base.compiled import REORDERED, compiled, inlined_leader, leader
 from ...base.errors import NotConverged
 from ..error_bound import (
     correction_energy,
@@ -269,7 +269,7 @@ def _ignore(excess, ignored):
             excess[node] = 0.0
 
 
-@leader(**REORDERED)
+@inlined_leader(**REORDERED)
 def _is_hopeless(total, rz, first_rz, needed_rz):
     """Return whether the iteration has failed, or would need more than the largest number of iterations.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...base.compiled import NO, REORDERED, YES, by_rows, inner, leader
+from ...base.compiled import NO, REORDERED, YES, by_rows, inlined_leader, inner
 from .clusters import correct_clusters
 from .coarsest import solve_coarsest
 from .rings import wrap_row, wrap_rows
@@ -17,7 +17,7 @@ from .rings import wrap_row, wrap_rows
 _DAMPING = np.float32(0.8)
 
 
-@leader(**REORDERED)
+@inlined_leader(**REORDERED)
 def cycle(levels, coarsest, ring):
     """Perform one V-cycle: compute the solution `r` of the finest level from the right-hand side `b` of this level."""
     for k in range(len(levels) - 1):
