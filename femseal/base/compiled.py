@@ -130,7 +130,8 @@ class _FewerCollections(event.Listener):  # type: ignore[misc]
     """Let Python look for unreachable objects less often while Numba compiles.
 
     Numba creates millions of small objects. With the usual limits, looking for unreachable ones takes a tenth of the
-    compile time. Numba compiles one function at a time, and functions that this function calls within it.
+    compile time. While Numba compiles a function, it also compiles the functions that this function calls, so that
+    compilations can be nested.
     """
 
     #: Numbers of new objects, and of collections of younger objects, after which Python looks for unreachable objects.
@@ -175,7 +176,7 @@ def inner(**options: Any) -> Callable[[Any], Any]:
 def inlined(**options: Any) -> Callable[[Any], Any]:
     """Return a decorator for a function that becomes a part of the compiled functions that call it.
 
-    It is not compiled for itself, which takes less time if it has only one or two callers. Python must not call it.
+    It is not compiled on its own, which takes less time if it has only one or two callers. Python must not call it.
     """
     return inner(inline="always", **options)
 
@@ -299,9 +300,9 @@ def _compile_calls(
 ) -> None:
     """When Numba compiles a call of `function`, let it compile the loop for all items instead.
 
-    The source of the substitute is made here, as by `collections.namedtuple`, because it must list each argument by
-    name: Numba inlines a function only if its arguments are not passed as `*arguments`. If the loop were not inlined,
-    it would be compiled and optimised twice: for itself, and as a part of the substitute.
+    The source of the substitute is generated here, as in `collections.namedtuple`, because it must list each argument
+    by name: Numba inlines a function only if its arguments are not passed as `*arguments`. If the loop were not
+    inlined, it would be compiled and optimised twice: on its own, and as a part of the substitute.
 
     Parameters
     ----------

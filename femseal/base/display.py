@@ -85,7 +85,7 @@ class Shown(Plotted):
 
 
 def value_text(value: Any, unit: str = "1") -> str:
-    """Write a value of a result as short text; None, NaN and an empty tuple give "".
+    """Format a value of a result as short text; None, NaN and an empty tuple give "".
 
     Examples
     --------
@@ -111,7 +111,7 @@ def value_text(value: Any, unit: str = "1") -> str:
 
 
 def _range_text(values: np.ndarray, unit: str) -> str:
-    """Write the range of an array as text, or the percentage of true values of a boolean array."""
+    """Format the range of an array as text, or the percentage of true values of a boolean array."""
     if values.dtype == bool:
         fraction = values.mean() if values.size else 0.0
         return f"{100 * fraction:.3g} %"

@@ -39,7 +39,7 @@ def _nominal_inches(diameter: float) -> float:
 
     Return 0 for pipe sizes up to 2 inches, for which API 598 allows no leakage.
     """
-    # a nominal inch has 25 mm; the small number prevents that a size is rounded down because of rounding errors
+    # a nominal inch has 25 mm; the small number keeps rounding errors from reducing a size
     size = int(2 * diameter / 0.025 + 1e-9) / 2
     return size if size > 2 else 0.0
 

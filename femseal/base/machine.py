@@ -40,7 +40,8 @@ def free_memory() -> float:
     return float(psutil.virtual_memory().available)
 
 
-#: Lock of the thread that limits the memory of the process; the thread may limit it again inside.
+#: Lock held by the thread that limits the memory of the process. The same thread can acquire it again in a nested
+#: block.
 _limiting = threading.RLock()
 
 
@@ -51,15 +52,16 @@ def within_free_memory() -> Iterator[None]:
     Without a limit, Linux would kill a process that uses too much memory. The limit matters when compressed files of
     unknown uncompressed size are read. On operating systems other than Linux, memory is not limited.
 
-    The limit is the limit of the address space of the whole process (RLIMIT_AS) until the block ends: requests of
-    other threads, also in other libraries, fail as well, and processes that are started inside the block inherit it.
+    Until the block ends, the limit applies to the address space of the whole process (RLIMIT_AS). Requests by other
+    threads, including threads of other libraries, can therefore fail as well. Processes that are started inside the
+    block inherit the limit.
     """
     if sys.platform != "linux":
         yield
         return
     import resource
 
-    # the limit holds for the whole process: of several threads, one at a time sets and removes it
+    # the limit applies to the whole process, so only one thread at a time may set and remove it
     with _limiting:
         soft, hard = resource.getrlimit(resource.RLIMIT_AS)
         limit = psutil.Process().memory_info().vms + int(free_memory())

@@ -15,7 +15,7 @@ from pathlib import Path
 from .. import __version__
 
 _OPTIONAL = ("SurfaceTopography", "distributed", "gmsh", "CoolProp")
-#: Packages on which the results depend, to the last bit.
+#: Packages whose version can change the last bits of the results.
 _NUMERICAL = ("numpy", "scipy", "numba", "llvmlite", "pyfftw", "pyamg", "scikit-fem", "CoolProp")
 
 

@@ -101,7 +101,7 @@ def _registry() -> Any:
 
 
 class OtherKind(InputError):
-    """Report a value that is no finite number with a unit of the expected kind."""
+    """Report a value that is not a finite number with a unit of the expected kind."""
 
 
 def to_si(text: object, unit: str, name: str = "quantity", like: str = "") -> float:
@@ -165,11 +165,11 @@ class _GivenQuantity(NamedTuple):
         return f"text with a number and a unit of the kind {self.unit!r}, such as {example!r}"
 
     def error(self, expected: str) -> InputError:
-        """Make the error that the value is not what is expected."""
+        """Make the error that reports a value other than the expected one."""
         return InputError(self.name, shown(self.text), expected)
 
     def kind_error(self, hint: str = "") -> OtherKind:
-        """Make the error that the value is not a quantity of the expected kind; `hint` is added to the message."""
+        """Make the error that reports a value of another kind than expected; `hint` is added to the message."""
         return OtherKind(self.name, shown(self.text), self.expected + hint)
 
 
@@ -272,7 +272,7 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
     Raises
     ------
     InputError
-        The text is not a pressure, or the pressure is below a vacuum.
+        The text is not a pressure, or the absolute pressure is negative.
 
     Examples
     --------
@@ -300,7 +300,7 @@ def absolute_pressure(text: object, ambient: float, name: str = "quantity") -> f
 
 @lru_cache(maxsize=1000)
 def _factor(given_unit: str, unit: str) -> float | None:
-    """Return the factor from a unit to an SI unit; None if the unit is unknown or of another kind."""
+    """Return the factor that converts a unit to an SI unit; None if the unit is unknown or of another kind."""
     if given_unit in _USUAL:
         kind, factor = _USUAL[given_unit]
         return factor if kind == unit else None
@@ -317,12 +317,12 @@ def _factor(given_unit: str, unit: str) -> float | None:
         # the parser raises many kinds of errors for unknown units; all of them mean the same here
         return None
     if at_zero:
-        return None  # a scale with another zero, such as °C, has no factor
+        return None  # a scale with another zero, such as °C, cannot be converted by a factor
     return float(at_one)
 
 
 def to_text(value: float, unit: str, digits: int = 4) -> str:
-    """Write a value in SI as text, with an SI prefix that makes the number readable.
+    """Format an SI value as text, with an SI prefix that makes the number readable.
 
     Examples
     --------
@@ -334,7 +334,7 @@ def to_text(value: float, unit: str, digits: int = 4) -> str:
 
 
 def range_text(low: float, high: float, unit: str, digits: int = 4) -> str:
-    """Write a range in SI as text; the unit follows the upper end alone if both ends have the same prefix.
+    """Format a range of SI values as text; if both ends have the same prefix, only the upper end has a unit.
 
     Examples
     --------
@@ -358,7 +358,7 @@ def _number_and_unit(value: float, unit: str, digits: int) -> tuple[str, str]:
 
 
 def counted(count: SupportsInt, noun: str) -> str:
-    """Write a count with its noun in the singular or plural.
+    """Format a count with its noun in the singular or plural.
 
     Examples
     --------
@@ -369,7 +369,7 @@ def counted(count: SupportsInt, noun: str) -> str:
 
 
 def unit_text(unit: str) -> str:
-    """Write a unit with typographic signs; the unit "1" of a plain number gives "".
+    """Format a unit with typographic signs; the unit "1" of a plain number becomes "".
 
     Examples
     --------
@@ -380,7 +380,7 @@ def unit_text(unit: str) -> str:
 
 
 def with_its_unit(value: float, unit: str) -> str:
-    """Write a value in SI with its unit, with a prefix if the unit can have one.
+    """Format an SI value with its unit, and with a prefix if the unit can have one.
 
     Examples
     --------
@@ -394,7 +394,7 @@ def with_its_unit(value: float, unit: str) -> str:
 
 
 def as_text(value: Any, unit: str = "", *, percent: bool = False, joint: str = "", **_: Any) -> str:
-    """Write a value in SI, or a tuple of values, as readable text.
+    """Format an SI value, or a tuple of values, as readable text.
 
     Parameters
     ----------

@@ -80,7 +80,7 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
     descriptors = _shared.get()
     is_shared = descriptors is not None
     needs_file = on_disk or is_shared
-    cannot_share = is_shared and not hasattr(os, "memfd_create")  # other systems than Linux
+    cannot_share = is_shared and not hasattr(os, "memfd_create")  # systems other than Linux
     if size == 0 or cannot_share or not needs_file:
         return np.empty(shape, dtype)
     try:
@@ -93,7 +93,7 @@ def shared_empty(shape: tuple[int, ...], dtype: Any) -> NDArray[Any]:
         # joblib only sends the name of the file instead of its content, so the file must be mapped by a name
         return np.memmap(f"/proc/{os.getpid()}/fd/{descriptor}", dtype, "r+", shape=shape)
     except OSError:
-        # the system does not have such files, or no space for another one
+        # the system does not support such files, or has no space for another one
         return np.empty(shape, dtype)
 
 

@@ -1,4 +1,4 @@
-"""Write numbers, durations and errors as text, and plain data for JSON."""
+"""Format numbers, durations and errors as text, and prepare plain data for JSON."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _PLAIN_EXPONENTS = range(-4, 6)
 
 
 def number_text(value: float, digits: int = 3, plain: range = _PLAIN_EXPONENTS) -> str:
-    """Write a number other than 0 as readable text, with a power of ten if it is very large or small.
+    """Format a number other than 0 as readable text, with a power of ten if it is very large or small.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def number_text(value: float, digits: int = 3, plain: range = _PLAIN_EXPONENTS) 
 
 
 def duration(seconds: float) -> str:
-    """Write a duration in a readable unit.
+    """Format a duration in a readable unit.
 
     Examples
     --------
@@ -54,7 +54,7 @@ def duration(seconds: float) -> str:
 
 
 def format_deviation(half_width: float, factor: str = "a factor of ") -> str:
-    """Write an error of ln(x) as the relative error of x: as a percentage, or as a factor if the error is large.
+    """Format an error of ln(x) as the relative error of x: as a percentage, or as a factor if the error is large.
 
     Examples
     --------

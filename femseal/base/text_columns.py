@@ -1,4 +1,4 @@
-"""Read text files with named columns: tables of numbers, and tables of texts with numbers.
+"""Read text files with named columns, either as numbers or as text.
 
 The first line contains the names of the columns. Lines that begin with # are comments.
 """
@@ -29,7 +29,7 @@ class TextRow(NamedTuple):
 
 
 def text_rows(file: Path, what: str = "path") -> list[TextRow]:
-    """Read the lines of a text file with columns, without empty lines and comments (#).
+    """Read the rows of a text file with columns, skipping empty lines and comments (#).
 
     The separator of the columns is the comma, the semicolon or the tab, whichever is most frequent in the first line.
     If the first line contains no comma, semicolon or tab, the columns are separated by blanks.
@@ -44,7 +44,7 @@ def text_rows(file: Path, what: str = "path") -> list[TextRow]:
     Returns
     -------
     list of TextRow
-        One row for each line. Lines that are joined by quotes are a single row.
+        One row for each line. If an entry in quotes contains line breaks, the row extends over several lines.
 
     Raises
     ------
@@ -90,8 +90,8 @@ def read_columns(file: Path, wanted: tuple[str, ...]) -> Array:
     """Read the columns with the names `wanted` from a text file, and return an array (lines, columns).
 
     The first line of the file contains the names of the columns. Raises InputError if the file cannot be read, a column
-    is missing or occurs twice, an entry is not a number, or a line has more entries than there are columns. The latter
-    happens if numbers have decimal commas and the columns are separated by commas.
+    is missing or occurs twice, an entry is not a number, or a line has more entries than there are columns. The last
+    error occurs if numbers have decimal commas and the columns are separated by commas.
     """
     first_row, *rows = text_rows(file)
     names = [column.strip() for column in first_row.entries]

@@ -1,4 +1,4 @@
-"""Write tables for the terminal, notebooks, the report and files."""
+"""Format tables for the terminal, notebooks, the report and files."""
 
 from __future__ import annotations
 
@@ -166,7 +166,7 @@ def flatten(value: Any, key: str = "") -> dict[str, Any]:
 
 
 def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
-    """Write rows as comma-separated values, after one line with the names of the columns.
+    """Format rows as comma-separated values, after one line with the names of the columns.
 
     The list must contain at least one row, which determines the names of the columns. A missing value is an empty cell.
     A text that a spreadsheet would interpret as a formula is preceded by an apostrophe.
@@ -183,7 +183,8 @@ def comma_separated(rows: Sequence[dict[str, Any]]) -> str:
 def _without_formula(value: Any) -> Any:
     """Return the content of a cell in a form that spreadsheet programs do not interpret as a formula.
 
-    If a text begins with a character such as "=", "@", "+" or "-" and is not a number, an apostrophe is put in front.
+    If a text begins with a character such as "=", "@", "+" or "-" and is not a number, an apostrophe is put in front of
+    it.
 
     >>> _without_formula("=1+2"), _without_formula("-2 um"), _without_formula("-2.5"), _without_formula(-2.5)
     ("'=1+2", "'-2 um", '-2.5', -2.5)

@@ -3,7 +3,7 @@
 Each check returns the value in a uniform type, or raises an InputError that names the argument.
 
 Classes that can be chosen in a case file, such as fluids, declare each of their parameters once, with unit and range.
-The keys of the case file are made from these declarations.
+The keys of the case file are derived from these declarations.
 """
 
 import dataclasses
@@ -153,7 +153,7 @@ def field(
         Whether points may be undefined (NaN).
     """
     try:
-        # the checks of types would take as long as a part of the solution of a small contact
+        # the checks below would take as long as a part of the solution of a small contact problem
         is_plain = type(value) is np.ndarray and value.dtype == np.float64
         if not is_plain and (np.ma.is_masked(value) or np.iscomplexobj(value)):
             raise TypeError
@@ -273,7 +273,7 @@ def parameter(
     meaning : str
         Meaning of the key, see `described`.
     usual : tuple of two float
-        Usual range in SI. If a value is outside of the usual range, a warning asks whether its unit is right.
+        Usual range in SI. If a value is outside the usual range, a warning asks whether its unit is right.
     above : float
         Lower limit; the number must be greater than this.
     inclusive : bool

@@ -7,9 +7,9 @@ their leakages, which `evaluation.py` solves. `budgets.py` makes one error budge
 
 `estimates.py`, `pixel_size.py`, `missing_waves.py` and `patch_errors.py` estimate the numerical errors and the error of
 a patch. `neglected_effects.py`, `plastic_law.py` and `changed_models.py` estimate the errors of the model.
-`leakage_changes.py` makes an error source from the change of the leakage to a second solution. All errors are expressed
-on the logarithmic scale, as distances from ln(leakage), because the uncertainty of the leakage near closing is a factor
-rather than a difference.
+`leakage_changes.py` turns the difference between the leakages of two solutions into an error source. All errors are
+expressed on the logarithmic scale, as distances from ln(leakage), because the uncertainty of the leakage near closing
+is a factor rather than a difference.
 """
 
 from typing import TYPE_CHECKING

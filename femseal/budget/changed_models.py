@@ -22,7 +22,7 @@ from .leakage_changes import LEAST_LOAD_SLOPE, CoarserSolution, part_of_changes,
 from .wide_intervals import counting_steps
 
 #: The change in the opposite direction is solved if the half-width of the error source is above this fraction of the
-#: half-width of all other error sources together. Below this fraction, the interval would only be 9 % longer if the
+#: half-width of all other error sources together. Below this fraction, the interval would be at most 9 % longer if the
 #: opposite change of ln(leakage) were twice as large as assumed.
 _MATTERS = 0.25
 
@@ -149,7 +149,7 @@ def model_part(
     Let e and e' be the changes of ln(leakage) that are caused by the change of the quantity and by the opposite change.
     The interval of ln(leakage) reaches from ln(leakage) + min(e, e') to ln(leakage) + max(e, e'). If e and e' have the
     same sign, the interval is extended to the other side by the smaller of |e| and |e'|. If an opposite change is
-    impossible, only e is used, and an end of the interval is ln(leakage).
+    impossible, only e is used, and one end of the interval is ln(leakage).
 
     Parameters
     ----------

@@ -15,8 +15,8 @@ from ..base import Array, counted
 from ..loads import LoadProgramme, least_counted
 from .load_order import within_others
 
-#: Order of convergence of the leakage in the pixel size. Measured on 320 surfaces of 64² to 256² points: the median is
-#: 1.9.
+#: Order of convergence of the leakage with decreasing pixel size. Measured on 320 surfaces of 64² to 256² points: the
+#: median is 1.9.
 ORDER = 2.0
 
 
@@ -49,7 +49,7 @@ class ErrorPart:
         Parameters
         ----------
         name : str
-            Name of the error source, one of the names in `ErrorPart`.
+            Name of the error source, see `sources.SOURCES`.
         leakage : array (steps,), m²/s
             Leakage. At steps where the leakage is 0, the lower and upper ends of the interval are 0.
         below, above : array (steps,)

@@ -1,4 +1,4 @@
-"""Estimate the numerical errors of a study, and the error of measuring only a patch of the surface."""
+"""Estimate the numerical errors of a study, and the error caused by measuring only a patch of the surface."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def median_interval(values: Array) -> Pair:
         high = max(0.0, ordered[-1])
     else:
         logs = np.log(ordered)
-        # for a normal distribution, the standard error of the median is √(π/2) = 1.2533 times the one of the mean
+        # for a normal distribution, the standard error of the median is √(π/2) = 1.2533 times that of the mean
         half_width = 1.2533 * stdtrit(n - 1, (1 + COVERAGE) / 2) * logs.std(ddof=1) / np.sqrt(n)
         low, high = np.exp(np.median(logs) + half_width * np.array([-1, 1]))
     return float(low), float(high)
@@ -143,7 +143,7 @@ class NumericalErrors:
     """
 
     def __init__(self, scene: Scene, study: StudyResult) -> None:
-        """Read leakage and contact fraction at every step (steps,) from the result of a study."""
+        """Read the leakage and the contact fraction at every step (steps,) from the result of a study."""
         self.scene = scene
         self.study = study
         self.leakage = study.predicted_leakage
@@ -151,7 +151,7 @@ class NumericalErrors:
 
     @cached_property
     def closing(self) -> Flags:
-        """Flag for each step (steps,): True if the last leakage path is about to close, see `near_closing`."""
+        """Flag the steps (steps,) at which the last leakage path is about to close, see `near_closing`."""
         return near_closing(self.leakage, self.study.open_leakage(self.scene))
 
     def _wider_near_closing(self, part: ErrorPart) -> ErrorPart:
@@ -166,7 +166,7 @@ class NumericalErrors:
     def pixels(
         self, coarse: CoarserSolution | None, wave_pixels: float = USUAL_PIXELS
     ) -> list[ErrorPart]:
-        """Estimate the error of the pixel size.
+        """Estimate the error due to the pixel size.
 
         coarse : solution of the same input on fewer points; None if the input was solved on a single grid.
         wave_pixels : number of pixels in the shortest wave.

@@ -94,7 +94,7 @@ class Evaluation:
     """Solve the versions of the input that the error sources need, each version only once."""
 
     def __init__(self, request: BudgetRequest, mapper: Mapper) -> None:
-        """Keep the request and the mapper; nothing is solved yet."""
+        """Store the request and the mapper, without solving anything yet."""
         self.request = request
         self.mapper = mapper
         # each solved version, with its leakages by the key of the study

@@ -1,4 +1,4 @@
-"""Estimate the error of a leakage from its change to a second solution, such as a solution on a coarser grid.
+"""Estimate the error of a leakage from its difference to a second solution, such as a solution on a coarser grid.
 
 The class `CoarserSolution` holds the leakage of the second solution, for example with larger pixels or without the
 shortest waves. The difference between the leakage and the leakage of the second solution shows the error of the pixel
@@ -79,9 +79,9 @@ def expected_sensitivity(in_contact: Array) -> Array:
 def sensitivity(steps: LoadProgramme, leakage: Array, in_contact: Array) -> Array:
     """Estimate the slope |d ln(leakage) / d ln(load)| at every step (steps,).
 
-    The slope is computed from the leakages under neighbouring loads, but is at least `expected_sensitivity`. If there
-    is no leakage at the neighbouring loads to give a slope, the slope is estimated as `STEEPEST` times
-    `expected_sensitivity`. In nine of ten contact states, the true slope is at most `STEEPEST` times
+    The slope is computed from the leakages under neighbouring loads, but is at least `expected_sensitivity`. If the
+    slope cannot be computed, because the seal does not leak at the neighbouring loads, it is estimated as `STEEPEST`
+    times `expected_sensitivity`. In nine of ten contact states, the true slope is at most `STEEPEST` times
     `expected_sensitivity`, so that the intervals computed from it are wide enough.
 
     in_contact : contact fraction (steps,), NaN where it is unknown.

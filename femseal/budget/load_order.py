@@ -24,8 +24,8 @@ def within_others(
     Returns the lower and the upper ends of the intervals, arrays (steps,) [m²/s].
     """
     low, high = _bounds_by_other_steps(steps, lower, upper)
-    # Intervals without width, at the computed leakages, remain without width if the leakages follow the two rules.
-    # Otherwise, a leakage lies outside its bounds.
+    # The rules are tested with intervals of zero width at the computed leakages. If the leakages follow both rules,
+    # these intervals do not change. Otherwise, at least one leakage lies outside its bounds.
     lower_bound, upper_bound = _bounds_by_other_steps(steps, leakage, leakage)
     breaks_rules = (leakage > _RISE * upper_bound).any() or (_RISE * leakage < lower_bound).any()
     if breaks_rules:
@@ -62,7 +62,7 @@ def _bounds_by_other_steps(steps: LoadProgramme, lower: Array, upper: Array) -> 
         peak = steps.peak_indices[unloading[0]]
         from_peak = np.append(peak, unloading)
         low[unloading] = np.fmax.accumulate(low[from_peak])[1:]
-        # an unloaded step leaks at least as much as its peak, so that its upper end is not below that of the peak
+        # a step on unloading leaks at least as much as its peak, so its upper end is not below that of the peak
         high[unloading] = np.where(
             np.isnan(high[unloading]), np.nan, np.fmax(high[unloading], high[peak])
         )

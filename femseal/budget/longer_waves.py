@@ -59,7 +59,7 @@ class DrawnForm:
 
     @property
     def shortest_wave(self) -> float:
-        """Shortest wave present in both the form deviation and the patch [m]; always inf, because there is none."""
+        """Shortest wave present in both the form deviation and the patch [m]; always inf, because they share none."""
         return np.inf
 
     def heights(self, points: Array, frame: Frame) -> Array:
@@ -90,8 +90,8 @@ def longer_waves(
     """Compute the changes of ln(leakage) that are caused by random waves longer than the measured patch.
 
     The shortest random wave is as long as the side of the patch. The longest random wave is as long as the width of the
-    seal or, if a flatness is given, as its longer side. The heights of the random waves follow from the extrapolated
-    spectrum of the patch if the spectrum rises towards long waves, and otherwise from the flatness.
+    seal or, if a flatness is given, as the longer side of the seal. The heights of the random waves follow from the
+    extrapolated spectrum of the patch if the spectrum rises towards long waves, and otherwise from the flatness.
 
     Parameters
     ----------

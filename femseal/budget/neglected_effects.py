@@ -1,4 +1,4 @@
-"""Estimate the errors of effects that the model neglects or treats approximately."""
+"""Estimate the errors caused by effects that the model neglects or treats approximately."""
 
 from __future__ import annotations
 

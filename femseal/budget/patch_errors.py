@@ -18,7 +18,7 @@ from .error_parts import ErrorPart
 _PATCH_FREEDOM = 2
 #: Half-width of the 95 % interval of a normal distribution, in standard deviations.
 _NORMAL = float(ndtri((1 + COVERAGE) / 2))
-#: What the calibration set compares with a whole surface, for the note of an error source.
+#: Descriptions of what the calibration set compares with a whole surface, for the note of an error source.
 _WHAT = {
     "in order": "seals as broad as the patch, with its cells in order",
     "at random": "seals of another breadth or shape than the patch, with its cells at random",
@@ -34,8 +34,8 @@ def patches_part(leakage: Array, without: Array, usual: ErrorPart) -> ErrorPart:
     jackknife over the measured patches: each patch is left out once. The second estimate of the variance was measured
     on other surfaces in a similar contact state. The interval of ln(leakage) is taken from Student's distribution.
 
-    If the computed leakage is 0 without one of the patches, a jackknife of ln(leakage) is impossible. The interval of
-    such a seal begins at 0, and its upper end is computed by a jackknife of the leakage itself instead of its
+    If the computed leakage is 0 without one of the patches, a jackknife of ln(leakage) is impossible. The lower end
+    of the interval is then 0, and its upper end is computed by a jackknife of the leakage itself instead of its
     logarithm.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Estimate the error of the pixel size, from a solution on a coarser grid or from one grid only.
+"""Estimate the error due to the pixel size, from a solution on a coarser grid or from one grid only.
 
 Source: Celik, Ghia, Roache, Freitas, Coleman & Raad, J. Fluids Eng. 130, 2008, 078001.
 """
@@ -56,7 +56,7 @@ def pixels_part(
     closing: Flags | bool = False,
     in_contact: Array | float = np.nan,
 ) -> ErrorPart:
-    """Estimate the error of the pixel size from a solution on a coarser grid.
+    """Estimate the error due to the pixel size from a solution on a coarser grid.
 
     The half-width of the interval of ln(leakage) is P √(c² + s²). The factor P is `PER_CHANGE`, multiplied by
     `FEW_LOADS` if few loads were solved. The term c is the typical change of ln(leakage) from a grid to a grid with
@@ -107,9 +107,9 @@ def pixels_part(
 
 
 def one_grid_part(leakage: Array, in_contact: Array) -> list[ErrorPart]:
-    """Estimate the error of the pixel size for a surface that was solved on a single grid.
+    """Estimate the error due to the pixel size for a surface that was solved on a single grid.
 
-    Without a second grid, the error of the pixel size is unknown at leaking steps, and the interval shrinks to the
+    Without a second grid, the error due to the pixel size is unknown at leaking steps, and the interval shrinks to the
     leakage itself. At steps that are sealed on the grid, a finer grid may leak. The upper end of the interval at a
     sealed step is therefore inf, unless a large contact fraction shows that the step is certainly sealed.
 

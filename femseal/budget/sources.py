@@ -5,8 +5,8 @@ they need. An error source consists of two functions. The function `versions` li
 that must be solved. The function `parts` estimates the error of a study from the leakages of these versions. To add an
 error source, write the two functions and add them to `SOURCES`.
 
-A case selects the error sources of its model by their names. The functions therefore import what they compute with when
-they are called, so that a case can be read without loading the solvers.
+A case selects the error sources of its model by their names. The functions therefore import the solvers only when they
+are called, so that a case can be read without loading the solvers.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from .evaluation import BudgetRequest, Evaluation
     from .study_input import StudyInput
 
-#: Function that estimates the error of one error source for the result of a study. The `ErrorBudget` contains the error
-#: sources that come before it in `SOURCES`.
+#: Function that estimates the error of one error source for the result of a study. Its last argument is an
+#: `ErrorBudget` of the error sources that come before this one in `SOURCES`.
 Parts = Callable[["Evaluation", "StudyResult", "ErrorBudget"], Sequence["ErrorPart | None"]]
 
 
@@ -84,7 +84,7 @@ def _solver(
 def _pixels(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> Sequence[ErrorPart]:
-    """Estimate the error of the pixel size, by comparison with a coarser grid."""
+    """Estimate the error due to the pixel size, by comparison with a coarser grid."""
     from .versions import compare_leakage
 
     request = evaluation.request

@@ -1,4 +1,4 @@
-"""Hold the input of the studies of a run, and make the versions of it that a run and its error budget need.
+"""Hold the input of the studies of a run, and make the modified versions that a run and its error budget need.
 
 The input is made from a case by `preparation.prepare`.
 """
@@ -150,7 +150,7 @@ class StudyInput:
 
     @property
     def only_answer(self) -> StudyInput:
-        """Copy of the input for the study `answer` alone."""
+        """Copy of the input in which `answer` is the only study."""
         return replace(self, methods=frozenset({self.answer.name}))
 
     def options(self, study: Study) -> StudyOptions:

@@ -20,7 +20,7 @@ from ..topography import Surface
 from .leakage_changes import CoarserSolution
 from .study_input import StudyInput
 
-#: Ratio of the numbers of points along each side of the coarser grid and of the original one.
+#: Number of points along each side of the coarser grid, divided by that of the original grid.
 COARSENING = 0.5
 #: A coarser grid with more than this fraction of the points of the original grid is too similar for a comparison.
 MOST_POINTS_FRACTION = 0.6
@@ -66,7 +66,7 @@ def solved_study(study: Study) -> Study:
 
 
 def coarser_grid(version: StudyInput) -> StudyInput | None:
-    """Make the version with half the points along each axis; None if the grid cannot be made so coarse."""
+    """Make the version with half the points along each axis; None if the grid cannot be made that coarse."""
     surface = version.scene.surface
     points = coarser_points(surface.shape, version.least_points, version.points_divide_by)
     return None if points is None else _reduced(version, surface.resample(points))

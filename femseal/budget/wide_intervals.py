@@ -72,10 +72,10 @@ def vague_steps(budget: ErrorBudget) -> Indices:
 
 
 def widest_interval(budget: ErrorBudget) -> WidestInterval:
-    """Find the widest interval of a budget; its half-width is inf if the error of the pixel size is unknown."""
+    """Find the widest interval of a budget; its half-width is inf if the error due to the pixel size is unknown."""
     steps = counting_steps(budget)
     widths = np.nan_to_num(np.asarray(budget.half_width())[steps], nan=inf, posinf=inf)
-    # without the error of the pixel size, the budget says little about the true leakage
+    # without the error due to the pixel size, the budget says little about the true leakage
     largest_widths = {"pixels": inf}  # replaced below if the budget contains this error
     for name, width in budget.widths().items():
         largest_widths[name] = largest_half_width(width[steps])

@@ -1,7 +1,7 @@
 """Calibrate a case with a leak test: run a few simulations, interpolate between them, and compute the posterior.
 
-A simulation solves the case with a given hardness and a given shortest wave. The argument `scenes` of `calibrate` is a
-number of simulations.
+A simulation solves the case with a given hardness and a given shortest wave. The argument `scenes` of `calibrate` is
+the largest permitted number of simulations.
 """
 
 from __future__ import annotations
@@ -117,8 +117,8 @@ def calibrate(
     scenes : int
         Largest permitted number of simulations.
     resume : bool
-        Whether to use the simulations in the folder that were completed by an earlier calibration with the same case,
-        test and ranges.
+        Whether to use completed simulations that an earlier calibration with the same case, test and ranges has stored
+        in the folder.
     replace_results : bool
         Whether to replace a finished calibration in the folder.
     workers, scheduler, progress

@@ -49,7 +49,7 @@ _END_OF_RANGE = 0.03
 _MANY_SAMPLES = 0.1
 #: The model does not fit if the root mean square of the standardised residuals is above this value.
 _LARGE_MISFIT = 2.0
-#: Units of the axes by SI unit, and the value of each in SI.
+#: Unit of an axis for each SI unit, and the value of this unit in SI.
 _AXIS_UNITS = {
     "Pa": ("MPa", 1e6),
     "N": ("kN", 1e3),
@@ -240,14 +240,14 @@ class Calibration(Plotted):
         Parameters
         ----------
         folder : path
-            Folder to write into; made if needed.
+            Folder to write into, which is created if it does not exist.
         formats : sequence of {"png", "svg", "pdf"}
             Formats of the picture.
 
         Returns
         -------
         list of Path
-            The files written.
+            Paths of the written files.
 
         Raises
         ------
@@ -279,7 +279,7 @@ class Calibration(Plotted):
             written = [write_text(target / CSV_FILE, comma_separated(self.rows()))]
             stem = Path(PICTURE_FILE).stem
             written += write_figure(calibration_figure(self), target, stem, formats)
-            # the last one, because it marks a finished calibration
+            # written last, because it marks a finished calibration
             return [write_text(target / RESULT_FILE, text), *written]
 
 

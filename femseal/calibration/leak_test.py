@@ -75,7 +75,7 @@ class LeakTest:
         def amounts(loads: list[float]) -> tuple[Amount, ...]:
             return tuple(Amount(load, unit) for load in loads)
 
-        # a cycle needs loads on loading; a test that was only measured on unloading has at least its peaks
+        # a cycle needs loads on loading; if the test was only measured on unloading, these are its peaks
         changed_load = {
             "loading": amounts(sorted(loading or peaks)),
             "unload_from": amounts(sorted(peaks)),

@@ -251,7 +251,7 @@ class Case(Table):
         pressure_drop = tested_fluid.state.pressure_drop
 
         def basis_of(table: FluidTable) -> LeakBasis:
-            """Return how the leakage of a fluid is converted between units."""
+            """Return the quantities with which the leakage of a fluid is converted between units."""
             return leak_basis(table.fluid, 1.0, pressure_drop=pressure_drop, **output.valve)
 
         service_basis = basis_of(self.fluid)

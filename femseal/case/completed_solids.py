@@ -53,7 +53,7 @@ def complete_solid(solid: RawTable, table_key: str, folder: Path, warnings: list
     }
     properties = {name: Amount(value, _SOLID_UNITS[name]) for name, value in values.items()}
     warnings += odd_properties(table, properties, table_key)
-    # only one property states the strength: the yield stress if the hardness shall follow from it, else the hardness
+    # only one property states the strength: the yield stress if the hardness is derived from it, otherwise the hardness
     has_hardness = "hardness" in table or "hardness_table" in table
     has_ratio_only = "hardness_over_yield" in table and not has_hardness
     follows_from_yield = "yield_stress" in table or has_ratio_only

@@ -5,7 +5,7 @@
 - Former names of keys are replaced by the present names.
 - Tables that are missing, but needed by the chosen methods, are added.
 
-The changes of fluids and solids are in `completed_fluids` and `completed_solids`.
+Fluids and solids are completed by the modules `completed_fluids` and `completed_solids`.
 
 Invalid values are left unchanged, because the validation reports them later.
 """

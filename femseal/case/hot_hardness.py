@@ -13,10 +13,10 @@ from .quantity_types import unvalidated_value
 
 #: Temperature of the fluid above which the hardness at room temperature is doubtful [K], a choice of this package.
 _HOT = 273.15 + 100
-#: Largest relative difference from the hardness of the named metal at which a stated hardness counts as this hardness.
-#: Cases from drawings state it with three digits.
+#: A stated hardness counts as that of the named metal if their relative difference is at most this large. Cases that
+#: are made from drawings state the hardness with three digits.
 _ROUNDING = 0.01
-#: Keys with which a case states a strength of its own, except `hardness`.
+#: Keys, other than `hardness`, with which a case states the strength of a solid instead of using that of the metal.
 _STRENGTHS = ("yield_stress", "hardness_table")
 
 

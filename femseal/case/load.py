@@ -286,7 +286,7 @@ class LoadTable(Table):
         peaks = pressures_of(self.peaks)
         unloading = pressures_of(self.unloading)
         if self.relaxation:
-            # the seal is also unloaded to the load that is left of each peak after relaxation
+            # the seal is also unloaded to the load that remains of each peak after relaxation
             after_relaxation = {relaxed(peak, self.relaxation) for peak in peaks}
             unloading = tuple(sorted(after_relaxation | set(unloading), reverse=True))
         return {"loading": loading, "unload_from": peaks, "unloading": unloading}

@@ -1,4 +1,4 @@
-"""Warn of properties that differ considerably from those of the named fluid or solid."""
+"""Warn about properties that differ considerably from those of the named fluid or solid."""
 
 from collections.abc import Iterator
 

@@ -16,7 +16,7 @@ class _CaseSchema(GenerateJsonSchema):
     """Generate the schema of TOML files in draft 7 of JSON Schema, which editors support."""
 
     def default_schema(self, schema: Any) -> dict[str, Any]:
-        """Leave defaults out, because they are in SI units and not texts with units, as a case would state them."""
+        """Leave defaults out, because they are numbers in SI units, whereas a case contains text with units."""
         return self.generate_inner(schema["schema"])
 
     def nullable_schema(self, schema: Any) -> dict[str, Any]:
@@ -24,9 +24,9 @@ class _CaseSchema(GenerateJsonSchema):
         return self.generate_inner(schema["schema"])
 
     def tuple_schema(self, schema: Any) -> dict[str, Any]:
-        """Describe a pair as a list; and allow a single table instead of a list of tables."""
+        """Describe a pair as a list, and allow a single table in place of a list of tables."""
         generated = super().tuple_schema(schema)
-        if "prefixItems" in generated:  # a word that draft 7 does not have
+        if "prefixItems" in generated:  # a keyword that draft 7 does not have
             items = generated.pop("prefixItems")
             are_equal = all(item == items[0] for item in items)
             generated["items"] = items[0] if are_equal else {"anyOf": items}
@@ -69,7 +69,7 @@ def _simplify(node: Any) -> Any:
     simplified: dict[str, Any] = {}
     for word, value in node.items():
         if word in ("properties", "definitions"):
-            # the keys inside are names of the case, not words of the schema
+            # the keys inside are keys of the case, not keywords of the schema
             simplified[word] = {name: _simplify(inner) for name, inner in value.items()}
         elif word not in _LEFT_OUT:
             simplified[word] = _simplify(value)

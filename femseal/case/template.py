@@ -55,7 +55,7 @@ def _pair(name: str, value: Any) -> str:
 
 
 def keys_of(table: type[Table]) -> dict[str, FieldInfo]:
-    """Return the keys of a table by their names, with the key `kind` in the first place."""
+    """Return the keys of a table by their names, with the key `kind` first."""
     keys = {name: field for name, field in table.model_fields.items() if name not in INTERNAL}
     kind = {"kind": keys.pop("kind")} if "kind" in keys else {}
     return kind | keys

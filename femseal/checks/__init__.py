@@ -2,7 +2,7 @@
 
 plausibility     Warnings about a scene and its solution. Every study calls `result_warnings`.
 quick_estimate   Contact and leakage from the spectrum of the surface alone.
-flow_limits      Warnings about flow outside of the model: choked flow and inertia.
+flow_limits      Warnings about flow that the model does not describe: choked flow and inertia.
 ideal_gas        Warnings about gases that are not ideal.
 limited_ratios   Warnings if a limit on a leakage ratio determines the median of stochastic seals.
 coatings         Warnings if a coating is thin compared with roughness, plastic deformation or contact patches.

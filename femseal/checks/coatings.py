@@ -15,10 +15,10 @@ from ..scene import Scene
 #: Ratio of the rms height of a surface to the thickness of a coating above which a warning is given. At this ratio, the
 #: heights, which range over about ±3 rms heights, extend over two thicknesses.
 _LARGEST_ROUGHNESS = 1 / 3
-#: Rise of the hardness of a coating by constraint from which a warning is given. At this ratio, the leakage in
-#: `docs/evidence/coatings.md` is 1.5 to 3.4 times as large.
+#: A warning is given if constraint raises the hardness of a coating by at least this factor. At this factor, the
+#: leakage in `docs/evidence/coatings.md` is 1.5 to 3.4 times as large.
 _LEAST_RISE = 1.2
-#: Relative rounding error up to which two values of the hardness are the same.
+#: Relative difference up to which two values of the hardness count as equal, because of rounding errors.
 _ROUNDING = 1e-9
 
 
@@ -108,12 +108,13 @@ def constraint_warnings(scene: Scene, leakage: Array, edge_distance: Array | Non
         Leakage in any unit, NaN where it is unknown.
     edge_distance : array (steps,) or None
         Mean distance [m] between the yielding points and the edge of their contact patch; NaN where it is unknown, and
-        inf where the whole surface is in contact. Only load steps on loading are judged.
+        inf where the whole surface is in contact. Only load steps on loading are checked.
     """
     thickness, hardness_of_neighbour = _soft_layer(scene)
     if thickness == 0 or edge_distance is None:
         return
-    # the equivalent load holds on loading; a surface that is closed everywhere has no edge, and its distance is inf
+    # the equivalent load is only valid on loading; a surface that is closed everywhere has no edge, and its distance is
+    # inf
     is_judged = scene.steps.on_loading & np.isfinite(edge_distance)
     if not is_judged.any():
         return

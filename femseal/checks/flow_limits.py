@@ -1,4 +1,4 @@
-"""Warn of flow that the model does not describe: choked gas flow, and flow with inertia."""
+"""Warn about flow that the model does not describe: choked gas flow, and flow with inertia."""
 
 from __future__ import annotations
 

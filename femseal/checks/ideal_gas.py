@@ -1,4 +1,4 @@
-"""Warn of gases that are not ideal, by comparing an ideal gas with the real gas for which it stands."""
+"""Warn about gases that are not ideal, by comparing an ideal gas with the real gas for which it stands."""
 
 from __future__ import annotations
 

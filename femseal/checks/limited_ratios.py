@@ -10,7 +10,7 @@ from ..base import Array, Flags, counted
 from ..face.cells import correction_factors
 from ..loads import LoadProgramme, least_counted
 
-#: Relative difference from its limit at which a ratio counts as limited.
+#: A ratio also counts as limited if it differs from its limit by at most this relative difference.
 _SLACK = 1e-6
 
 

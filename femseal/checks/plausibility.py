@@ -1,4 +1,4 @@
-"""Check the plausibility of a scene and its solution: warn of values that are probably wrong or outside the model."""
+"""Check the plausibility of a scene and its solution: warn about values that are wrong or outside the model's range."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def line_contact_warnings(scene: Scene, row_pressure: Array) -> tuple[str, ...]:
 
 
 def _modulus_warnings(scene: Scene) -> Iterator[str]:
-    """Warn if the contact modulus is outside of the range of metals."""
+    """Warn if the contact modulus is outside the range of metals."""
     low, high = 0.5 * YOUNG_LIMITS[0], 1.2 * YOUNG_LIMITS[1]
     modulus = scene.surface_modulus
     if not low <= modulus <= high:
@@ -106,7 +106,7 @@ def _modulus_warnings(scene: Scene) -> Iterator[str]:
 
 
 def _separation_warnings(scene: Scene) -> Iterator[str]:
-    """Warn of load steps at which the fluid between separated surfaces carries the whole load."""
+    """Warn about load steps at which the fluid between separated surfaces carries the whole load."""
     steps, fluid = scene.steps, scene.acting_fluid
     separated = [steps[s] for s, _ in scene.separated_steps if steps[s].pressure > 0]
     if fluid is None or not separated:

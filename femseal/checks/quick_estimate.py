@@ -30,10 +30,10 @@ LIGHT_CONTACT = 0.3
 ERROR_FACTORS = (2.2, 10.0)
 #: A leakage is not plausible if it differs from the estimate by more than this many times the factor for 95 %.
 _IMPLAUSIBLE = 10.0
-#: Largest fraction of the variance of the heights that a smooth profile along one axis may have. For a larger fraction,
-#: the profile determines where the surfaces touch. In 120 self-affine surfaces without roll-off the fraction was at
-#: most 0.64. With a crown of fraction 0.6, the estimate is wrong by factors of 3 to 12; with 0.76, by 7 to more than
-#: 300.
+#: Largest fraction of the variance of the heights that may be due to a smooth profile along one axis. For a larger
+#: fraction, the profile determines where the surfaces touch. In 120 self-affine surfaces without roll-off the fraction
+#: was at most 0.64. With a crown of fraction 0.6, the estimate is wrong by factors of 3 to 12; with 0.76, by 7 to more
+#: than 300.
 _FORM_DECIDES = 0.7
 #: Degree of the polynomial that is fitted to a profile.
 _FORM_DEGREE = 4

@@ -313,7 +313,7 @@ def _choose_load_of_sensitivities(
 
 
 def _note_on_load(load: _Load, results: Results) -> list[str]:
-    """Write a note if the sensitivities had to be computed at a load other than Qmin."""
+    """Return a note if the sensitivities had to be computed at a load other than Qmin."""
     if load.replaced is None:
         return []
     load_text = load_format(results.dataset, 3).short
@@ -341,7 +341,7 @@ def _with_fluid(variants: Variants, results: Results) -> Variants:
 
 
 def _note_on_version(results: Results) -> list[str]:
-    """Write a note if another version of femseal computed the results."""
+    """Return a note if another version of femseal computed the results."""
     version = json.loads(results.dataset.attrs["versions"]).get("femseal")
     if version == versions()["femseal"]:
         return []

@@ -1,4 +1,4 @@
-"""Present the answer of a design as a data sheet, as for a gasket: tables, files for other programs, and a picture."""
+"""Present the answer of a design like the data sheet of a gasket: tables, files for other programs, and a picture."""
 
 from __future__ import annotations
 
@@ -46,9 +46,9 @@ from .sensitivities import Sensitivity
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Table of all figures in the folder of the answer.
+#: Name of the file with all figures, in the folder of the answer.
 TABLE_FILE = "design.csv"
-#: Columns of this table.
+#: Columns of this file.
 _COLUMNS = (
     "figure",
     "class",
@@ -106,7 +106,7 @@ class Design(Plotted):
         """Secant stiffness of the interface [Pa/m] for unloading from Q_A to Q_A/3, by pressure in assembly Q_A.
 
         The stiffness is (Q_A − Q_A/3) / (h(Q_A/3) − h(Q_A)), with the mean gap h during unloading. Because an interface
-        has no thickness, the modulus E_G of EN 13555 of a gasket is this stiffness times the gasket thickness.
+        has no thickness, the modulus E_G of a gasket in EN 13555 is this stiffness times the gasket thickness.
         Between unloading steps, the mean gap is interpolated linearly over ln(pressure). Stochastic runs have no
         stiffness. A pressure Q_A is left out if the unloading from Q_A ends above Q_A/3.
         """
@@ -182,12 +182,12 @@ class Design(Plotted):
         Parameters
         ----------
         folder : path
-            Folder to write into; made if needed.
+            Folder to write into, which is created if it does not exist.
 
         Returns
         -------
         list of Path
-            All files written.
+            Paths of all written files.
         """
         target = made_folder(folder)
         figures = rows(self)
@@ -314,7 +314,7 @@ def _sensitivity_table(answer: Design) -> TextTable:
 
 
 def _slope_text(slope: float) -> str:
-    """Write a logarithmic slope with its sign, or a dash for an unknown slope."""
+    """Format a logarithmic slope with its sign, or return a dash for an unknown slope."""
     return f"{slope:+.2f}" if isfinite(slope) else "–"
 
 

@@ -27,7 +27,7 @@ def index_table(indices: Sequence[SealingIndex]) -> TextTable:
 
 
 def index_sentence(reason: str = "") -> str:
-    """Say what the sealing index is and how to read its table, or why the data sheet contains no sealing index.
+    """Explain what the sealing index is and how to read its table, or why the data sheet contains no sealing index.
 
     reason : reason why the run does not determine a sealing index; "" if the data sheet contains the table.
     """
@@ -80,13 +80,13 @@ def _ends(low: float, high: float) -> dict[str, float]:
 
 
 def _range_text(index: SealingIndex) -> str:
-    """Write the range of pressures of a power law, such as "150 – 300 MPa"."""
+    """Format the range of pressures of a power law, such as "150 – 300 MPa"."""
     law = index.law
     return range_text(law.lowest_pressure, law.highest_pressure, "Pa", 3)
 
 
 def _exponent_text(index: SealingIndex) -> str:
-    """Write an exponent with its interval, such as "2.9 (2.5 – 3.1)"."""
+    """Format an exponent with its interval, such as "2.9 (2.5 – 3.1)"."""
     low, high = index.exponent_interval
     text = f"{index.exponent:.2g}"
     if low != low:  # NaN: there is no interval
@@ -96,7 +96,7 @@ def _exponent_text(index: SealingIndex) -> str:
 
 
 def _limit_text(limit: IndexLimit) -> str:
-    """Write a required sealing index with its interval, such as "1.2e7 (5.1e6 – 4.3e7)"."""
+    """Format a required sealing index with its interval, such as "1.2e7 (5.1e6 – 4.3e7)"."""
     text = index_text(limit.in_megapascals(limit.value))
     if limit.upper != limit.upper:  # NaN: there is no interval
         return text

@@ -2,8 +2,8 @@
 
 The verdict on a class states the same loads (`results/verdict.py`). Each pressure has three values: one for the
 computed leakage, and one for each end of its 95 % interval. The interval includes the scatter between realisations.
-Another pressure is given at which a certain fraction of the realisations meets the class, judged by the computed
-leakage.
+In addition, there is the pressure at which a certain fraction of the realisations meets the class, judged by their
+computed leakage.
 """
 
 from __future__ import annotations

@@ -90,7 +90,7 @@ def requirements_figure(
 
 
 def _extend_to_limits(axes: Axes, limits: list[float]) -> None:
-    """Extend the leakage axis to class limits that lie less than three decades outside of it."""
+    """Extend the leakage axis to class limits that lie less than three decades beyond its ends."""
     low, high = axes.get_ylim()
     near_limits = [limit for limit in limits if 1e-3 * low < limit < 1e3 * high]
     lowest = min([low, *(limit / 2 for limit in near_limits)])

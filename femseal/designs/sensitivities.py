@@ -71,10 +71,10 @@ class Variants:
     Parameters
     ----------
     harder : Seals, optional
-        Solution with the hardness multiplied by `factor`; None without such a solution.
+        Solution with the hardness multiplied by `factor`; None if there is no such solution.
     longer_length : Seals, optional
         Solution in which the length in the flow law (mean free path or slip length) is multiplied by `factor`; None
-        without such a solution.
+        if there is no such solution.
     factor : float
         Factor by which the changed quantity is multiplied.
     can_yield : bool

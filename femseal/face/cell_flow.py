@@ -27,7 +27,8 @@ Result = TypeVar("Result")
 #: Relative tolerance of the iteration for a permeability that depends on the fluid pressure. For comparison, the slip
 #: factor of a gas is only known to 0.9 %.
 PRESSURE_RTOL = 1e-4
-#: Largest number of points of a surface whose flow is solved as a whole. Together with its contact it takes 9 GB.
+#: Largest number of points of a surface whose flow is solved as a whole. Solving
+#: contact and flow of a surface of this size takes 9 GB of memory.
 LARGEST_FLOW = 2**26
 
 
@@ -273,7 +274,8 @@ def solve_surface_flow(
     flow, drop = solve_face(settings.drop, np.asarray(gap, float), spacing, solve, PRESSURE_RTOL)
     value = flow.value * drop.reference_factor
     potential = drop.φ_fraction(flow.fluid_pressure)
-    # The exact potential lies between 0 and 1. The error of the solver, about 1e-3 in the energy norm, may exceed this.
+    # The exact potential lies between 0 and 1. Because of the error of the solver, about
+    # 1e-3 in the energy norm, the computed potential may lie slightly outside this range.
     return FaceFlow(value, counts, np.clip(potential, 0.0, 1.0))
 
 

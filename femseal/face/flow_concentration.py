@@ -15,7 +15,7 @@ from ..base import Floats, Shape
 from ..topography import Surface, Topography
 from ..topography.waves import wave_powers, wavenumber_grids
 
-#: Fraction of the mean square slope that waves longer than the short wave contain.
+#: Fraction of the mean square slope that is due to waves longer than the short wave.
 _SLOPE_FRACTION = 0.95
 #: Side of a block on a surface without slope, in pixels.
 _FLAT_BLOCK = 8

@@ -30,7 +30,7 @@ _PERMEABILITY_MARGIN = 1.5
 _AXES_HEIGHT, _LOADS_HEIGHT = 2.3, 0.62
 #: If a state has more points than this, they are drawn as pixels in vector pictures, so that the files stay small.
 _MOST_VECTOR_POINTS = 2000
-#: Width of the label of a load that is upright [inch].
+#: Width of an upright label of a load [inch].
 _LABEL_WIDTH = 0.115
 #: Distance of the bar with the colours of the loads from the panel [inch].
 _LOAD_BAR_DISTANCE = 0.02

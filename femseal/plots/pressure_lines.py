@@ -171,7 +171,7 @@ def _draw_along_x1(
             color=colours[int(np.searchsorted(loads, nominal[step]))],
             ls=LINE_STYLES[branch % len(LINE_STYLES)],
             marker=MARKERS[branch % len(MARKERS)],
-            # four markers on each line, at other positions than those of the neighbouring lines
+            # four markers on each line, at positions other than those on the neighbouring lines
             markevery=(0.1 + 0.03 * (len(lines) % 5), 0.25),
             label=names[step],
         )

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 #: Number of decades of the colour scale of the flow, below the largest flow.
 _FLOW_DECADES = 4
 #: Side of the square region around the largest flow that the last map shows, in widths of the seal. The second value is
-#: for seals with many rows of tiles. In the larger region, the tiles of such a seal would be too small.
+#: for seals with many rows of tiles. In the larger region, the tiles of such a seal would be too small to be seen.
 _DETAIL_SIDE, _SMALL_DETAIL_SIDE = 2.5, 1.15
 #: Smallest number of rows of tiles for the smaller detail.
 _MANY_ROWS = 8

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 #: Number of points at which the flow is interpolated along the longer side of a panel, and smallest number along the
 #: shorter side.
 _MOST_POINTS, _FEWEST_POINTS = 160, 24
-#: Number of neighbouring tiles for which it is tested whether a point of the grid lies in the tile.
+#: Number of nearby tiles for which it is tested whether they contain a given point of the grid.
 _NEAREST_TILES = 12
 #: Width of streamlines where the flow is largest and where it vanishes [points].
 _WIDEST, _NARROWEST = 1.0, 0.25
@@ -61,7 +61,7 @@ def _interpolate_flow(axes: Axes, corners: Array, flux: Array) -> _FlowGrid:
     """Interpolate the flow of the tiles at the points of a regular grid that covers the axes.
 
     The flow at a point is the weighted mean of the flow in the four nearest tiles. The weight of a tile is the inverse
-    square of the distance between the point and the centre of the tile. At points outside of all tiles the flow is NaN,
+    square of the distance between the point and the centre of the tile. At points outside all tiles the flow is NaN,
     so that streamlines end at the edges of the seal. Because a narrow ring may be only a few grid steps wide, points
     that are less than one grid step away from a tile do not count as outside.
 

@@ -127,7 +127,7 @@ def window_settings(picture: AnyPath | None) -> bool:
 
 
 def show_or_write(plotter: pyvista.Plotter, picture: AnyPath | None) -> None:
-    """Open a window with the view, or write the view to a picture file; finally close the plotter."""
+    """Open a window with the view, or write the view to a picture file, and then close the plotter."""
     if picture is None:
         plotter.show()
     else:

@@ -226,7 +226,7 @@ def _coating(plating: Plating, hardness_is_typical: bool) -> dict[str, Any]:
     """Return the table `coating` of a case for a plated face.
 
     The table contains the name of the metal only if the hardness is typical of this metal. Platings are often much
-    harder, and a case warns of a hardness that is not typical of the named metal.
+    harder, and a case with a hardness that is not typical of the named metal leads to a warning.
     """
     thickness = to_text(plating.thickness, "m", 5)
     hardness = to_text(plating.hardness, "Pa", 3)

@@ -11,7 +11,7 @@ from ..topography import Surface, Topography
 from ..topography.profile_roughness import ProfileRoughness, profile_roughness
 
 #: A warning is given if the relative difference from the value on the drawing is larger than this fraction. By the
-#: rules of drawings, 16 % of the measured values may exceed the value on the drawing.
+#: rules for drawings, 16 % of the measured values may exceed the value on the drawing.
 _TOLERANCE = 0.1
 #: Relative scatter of the feed from which on a profile counts as irregular. Cases from drawings have 0.03 for turned
 #: surfaces and 0.3 for ground ones.

@@ -53,7 +53,7 @@ def lay_out_seal(case: Case, surface: Surface, layout: Layout, cells: Shape | No
     sampling = Sampling(length, table.realisations, seed=case.seed, breadth=table.breadth)
     check_memory_of_tiles(layout, sampling, surface)
     if table.realisations is not None:
-        # two numbers of 8 byte for each realisation and load step
+        # two numbers of 8 bytes for each realisation and load step
         needed = 16 * case.load.steps * table.realisations
         check_memory("stochastic.realisations", table.realisations, needed)
     with errors_with_keys(SEAL_KEYS):

@@ -38,7 +38,7 @@ from .memory import check_memory_of_points
 
 #: Smallest length of a side of a cell, as a multiple of the shortest wavelength.
 _LEAST_WAVES = 2
-#: Relative error of lengths that are computed in different ways.
+#: Relative difference up to which lengths count as equal, because they are computed in different ways.
 _ROUNDING = 1e-9
 
 #: A map without undefined points and without form deviation, and a report on the repair of the map.
@@ -159,7 +159,7 @@ class _RepairedFaces:
     instrument : Instrument
         Instrument that resolves only the waves that the instruments of all maps resolve.
     notes : tuple of str
-        Sentences on how the files were understood.
+        Sentences on how the files were interpreted.
     """
 
     surface: Surface
@@ -175,7 +175,7 @@ class _RepairedFace(NamedTuple):
 
     maps : one repaired map for each patch.
     instruments : instrument of each map.
-    notes : sentences on how the files of the maps were understood.
+    notes : sentences on how the files of the maps were interpreted.
     """
 
     maps: list[RepairedMap]
@@ -307,7 +307,7 @@ def _joint_instrument(
     instruments: Sequence[Instrument], level_maps: Sequence[Topography]
 ) -> Instrument:
     """Return an instrument that resolves only the waves that all the given instruments resolve."""
-    # largest of the shortest wavelengths that the instruments see; 0 if no instrument has a limit
+    # largest of the shortest wavelengths that the instruments resolve; 0 if no instrument has a limit
     resolution = max(
         instrument.shortest_wave(level)
         for instrument, level in zip(instruments, level_maps, strict=True)

@@ -46,7 +46,7 @@ SURFACE_OPTIONS = {
     "tip_radius": "--tip-radius",
     "resolution": "--resolution",
 }
-#: Directions of the lines of a text file, which differ from the axes of a NumPy array.
+#: Note on the direction of the lines of a text file, which differs from that of the rows of a NumPy array.
 ORIENTATION = "a line of the text runs along x1, the leakage; transpose makes it run along x2, as rows of NumPy do"
 _PICTURES = (".png", ".pdf", ".svg")
 #: Options whose value is a length or several lengths.
@@ -75,7 +75,7 @@ class _SurveyedSurface:
     quick_estimate : str
         Estimate of contact and gaps from the spectrum of the surface, as text.
     reasons : tuple of str
-        Reasons for which a run would reject the surface.
+        Reasons why a run would reject the surface.
     """
 
     report: SurfaceReport
@@ -117,7 +117,7 @@ def survey(
     channel: str = "0",
     **reading: Any,
 ) -> list[str]:
-    """Describe the surface in a file by lines of text, and draw a picture of the surface.
+    """Describe the surface in a file in a few lines of text, and draw a picture of the surface.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def survey_surface(
     instrument : Instrument
         Instrument with which the surface was measured.
     """
-    reasons: list[str] = []  # reasons for which a run would reject the surface
+    reasons: list[str] = []  # reasons why a run would reject the surface
     try:
         report = describe_surface(face, **treatment)
     except TooManyUndefined as error:
@@ -226,7 +226,7 @@ def survey_surface(
             )
     except InputError as error:
         # If the user has chosen the wavelength `wave`, an error is about `wave` and is raised, unless the surface has
-        # too many undefined points. Other errors are reasons for which a run would reject the surface.
+        # too many undefined points. Other errors are reasons why a run would reject the surface.
         if wave is not None and not isinstance(error, TooManyUndefined):
             raise
         return _SurveyedSurface(report, reasons=tuple(reasons or [str(error)]))
