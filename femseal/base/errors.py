@@ -198,7 +198,7 @@ class InputErrors(InputError):
 def _remade(kind: Any, attributes: Mapping[str, Any]) -> Any:
     """Make an error of a class from its attributes, without calling the constructor of the class.
 
-    The constructors of subclasses have other parameters than the constructor of `InputError`. A subclass must
+    The constructors of subclasses have different parameters from the constructor of `InputError`. A subclass must
     therefore keep what it needs in its attributes; these must be picklable.
     """
     error = kind.__new__(kind)

@@ -165,11 +165,11 @@ class _GivenQuantity(NamedTuple):
         return f"text with a number and a unit of the kind {self.unit!r}, such as {example!r}"
 
     def error(self, expected: str) -> InputError:
-        """Make the error that reports a value other than the expected one."""
+        """Make the error for a value that does not agree with the text `expected`."""
         return InputError(self.name, shown(self.text), expected)
 
     def kind_error(self, hint: str = "") -> OtherKind:
-        """Make the error that reports a value of another kind than expected; `hint` is added to the message."""
+        """Make the error for a value that is not a quantity of the expected kind; `hint` is added to the message."""
         return OtherKind(self.name, shown(self.text), self.expected + hint)
 
 

@@ -159,8 +159,8 @@ def field(
             raise TypeError
         array = np.array(value, dtype=float, copy=True if copy else None)
         if not array.flags.carray:
-            # A transposed array has another order in memory, and an array from a cluster may begin at any byte. Loops
-            # over such arrays add their numbers in another order, which changes the last digits of results.
+            # A transposed array has a different order in memory, and an array from a cluster may begin at any byte.
+            # Loops over such arrays add their numbers in a different order, which changes the last digits of results.
             array = np.require(array, requirements=("C", "ALIGNED"))
     except (TypeError, ValueError, OverflowError):
         expected = f"an array (n1, n2) of real numbers [{unit}]"

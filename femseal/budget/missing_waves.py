@@ -119,7 +119,7 @@ def continuation_part(
     scene : input of the study.
     leakage : array (steps,), m²/s.
     in_contact : contact fraction, array (steps,).
-    others : solutions in which the extrapolated waves have other random phases.
+    others : solutions in which the extrapolated waves have different random phases.
     shorter : solution without the shortest octave of the waves above the cut-off.
     slope_ratio : rms slope of the surface, divided by its rms slope with the relevant waves below the cut-off.
     """

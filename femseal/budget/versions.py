@@ -30,7 +30,7 @@ _MOST_REALISATIONS = 5
 _SURFACES = 40
 #: Removed waves are taken into account if they reduced the rms slope by at least this fraction.
 LEAST_REMOVED = 1e-4
-#: Number of versions in which the extrapolated waves have other random phases.
+#: Number of versions in which the extrapolated waves have different random phases.
 OTHER_PHASES = 3
 log = logging.getLogger("femseal")
 
@@ -95,7 +95,7 @@ def without_filtered_waves(version: StudyInput) -> StudyInput | None:
 def continued_versions(grid: StudyInput) -> list[StudyInput]:
     """Make the versions that show the error of extrapolating the spectrum.
 
-    In the first `OTHER_PHASES` versions, the extrapolated waves have other random phases. In the last version, the
+    In the first `OTHER_PHASES` versions, the extrapolated waves have different random phases. In the last version, the
     shortest octave of the waves above the cut-off is removed. The list is empty if the spectrum of the surface was not
     extrapolated.
     """

@@ -31,7 +31,7 @@ _FEWEST_LOADS = 3
 _LOAD_TOLERANCE = 1e-9
 _NAME_AND_UNIT = re.compile(r"\s*([^\[(]+?)\s*(?:[\[(]\s*(.*\S)\s*[\])])?\s*")
 _DECIMAL_COMMA = re.compile(r"\d+,\d+")
-#: Quantity in a column, for each name that the heading of the column may have.
+#: Quantity in a column, for each name that the heading of the column can have.
 _COLUMN_OF_NAME = {
     "pressure": "load",
     "load": "load",

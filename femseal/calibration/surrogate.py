@@ -118,7 +118,7 @@ def _covariance(parameters: Array, a: Array, b: Array) -> Array:
     processes = amplitudes**2 * np.exp(-exponents.sum(-1))  # (process, m, n)
     trend = _TREND_VARIANCE * (1 + (a - _CENTRE) @ (b - _CENTRE).T)
     covariance = trend + processes.sum(0)
-    # products with arrays in another order have other last digits
+    # the last digits of a product depend on the order of the arrays in memory
     return np.ascontiguousarray(covariance)
 
 

@@ -220,8 +220,8 @@ def ordered_map(
     Raises
     ------
     InputError
-        The scheduler does not answer or has no workers, the workers have other versions of packages than this process,
-        or femseal[cluster] is not installed.
+        The scheduler does not answer or has no workers, the workers have different versions of packages from this
+        process, or femseal[cluster] is not installed.
     FemsealError
         Workers died repeatedly while a stage was being computed.
     """

@@ -1,4 +1,4 @@
-"""Condition a measured map for contact and flow: remove spikes and form, fill undefined points, and low-pass it.
+"""Condition a measured map for contact and flow: remove spikes and form, fill undefined points, and filter it.
 
 `repairs` describes the first two steps, and `grid_choice` how the shortest wave and the grid are chosen.
 
@@ -24,7 +24,7 @@ from .patches import Patches, Surface
 from .repairs import Repair, repair, spikes_extreme
 from .topography import Topography
 
-#: Fraction of the extreme points above which spikes may decide the leakage.
+#: If removing the spikes changes more than this fraction of the extreme points, the spikes may determine the leakage.
 _NOTABLE = 0.01
 
 
@@ -32,7 +32,7 @@ _NOTABLE = 0.01
 class Conditioning(Labelled):
     """Report what was done to a measured map.
 
-    Attributes that end in `_before` describe the repaired map before the low-pass.
+    Attributes that end in `_before` describe the repaired map before the low-pass filter.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class Conditioning(Labelled):
 
     @property
     def lost_slope(self) -> float:
-        """Fraction of the measured rms slope, 0 to 1, that is removed by the low-pass."""
+        """Fraction of the measured rms slope, 0 to 1, that is removed by the low-pass filter."""
         if not self.rms_slope_measured:
             return 0.0
         return max(0.0, 1 - self.rms_slope / self.rms_slope_measured)
@@ -186,7 +186,7 @@ def condition(
     if shortest_wave is not None:
         validate.number("shortest_wave", shortest_wave, unit="m")
     if shortest_wave is not None and not is_automatic:
-        # check the wave before any work, on the shortest patch and with the points that this patch will have
+        # check the wave before any computation, for the shortest patch with the number of points that it will have
         patch = topography.shortest_patch
         columns = round(final_shape[1] * patch.shape[1] / topography.shape[1])
         check_wave(shortest_wave, patch.size, (final_shape[0], columns))
@@ -250,10 +250,10 @@ def smooth(
         unseen_slope = sqrt(waves.law.slope_power(measured, measured / UNSEEN))
     wave = default_wave(flat, shape, instrument) if shortest_wave is None else shortest_wave
     shortest = check_wave(wave, flat.size, shape)
-    # the maps may differ in size, as patches do, and in their pixels, as two faces do: each counts by its area
+    # patches may differ in size, and two faces in the size of their pixels; each map is weighted by its area
     areas = [prod(face.size) for face, _ in parts]
     undefined_fractions = [part.undefined_fraction for _, part in parts]
-    # computed before the result is, so that the temporary maps do not add to its memory
+    # computed before the conditioned map, so that the temporary maps are not in memory at the same time
     extreme = max(spikes_extreme(face, part.removed, shortest) for face, part in parts)
     result = flat.low_pass(shortest).resample(shape)
     tilt1, tilt2 = form.slopes

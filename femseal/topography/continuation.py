@@ -133,7 +133,7 @@ class Continuation:
         exponent = 2 - 2 * self.law.hurst
         scaled_slope = missing_square_slope * 2 * pi / (q0**4 * self.law.at(q0))  # D
         if not -1 < exponent * scaled_slope < inf:
-            return 0.0  # the slope of all shorter waves together is smaller
+            return 0.0  # even all shorter waves together have less than the missing slope
         log_ratio = log1p(exponent * scaled_slope) / exponent if exponent else scaled_slope
         return self.longest * exp(-log_ratio)
 
@@ -220,8 +220,8 @@ def continue_spectrum(
     Raises
     ------
     InputError
-        The spectrum does not follow a power law. All waves down to the wavelength `cut_off` were measured. The grid has
-        fewer than 8 pixels for the wavelength `cut_off`.
+        The spectrum does not follow a power law, all waves down to the wavelength `cut_off` were measured, or the grid
+        has fewer than 8 pixels for the wavelength `cut_off`.
 
     Examples
     --------

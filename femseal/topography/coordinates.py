@@ -37,7 +37,7 @@ class Columns(NamedTuple):
     z: int
 
 
-#: The columns of a table that contains nothing else.
+#: Columns of a table that contains only x, y and z.
 _FIRST_COLUMNS = Columns(0, 1, 2)
 
 
@@ -239,7 +239,7 @@ def _check_unique_heights(x: NDArray, y: NDArray, z: NDArray, stored: NDArray) -
 def _notes_on_grid(
     n1: int, n2: int, filled_points: int, table_columns: int, columns: Columns
 ) -> tuple[str, ...]:
-    """Write notes on how a table of coordinates was interpreted."""
+    """Return notes on how a table of coordinates was interpreted."""
     note = f"the table x y z is a grid of {n1} × {n2} points"
     missing = n1 * n2 - filled_points
     if missing:
@@ -274,7 +274,7 @@ class Lattice:
 
 
 def find_lattice(values: NDArray) -> Lattice | None:
-    """Find the lattice of equidistant points on which values lie; return None for values on no lattice.
+    """Find the lattice of equidistant points on which values lie; return None if there is no such lattice.
 
     Lattice points without a value are allowed. The step is first estimated from the smallest distances between values.
     Each value is then assigned a lattice index. The slope of a straight line fitted to the values as a function of

@@ -27,7 +27,8 @@ SPIKES = 6.0
 MOST_SPIKE_POINTS = 4
 #: Number of points from the middle of a window to its edge.
 _REACH = 2
-#: Fraction of the points that share one height if the heights are quantised (but at least as many as a window has).
+#: A height is a level of quantised heights if at least this fraction of the points have it, and at least as many
+#: points as a window contains.
 _COMMON = 1e-3
 #: Neighbourhood of a point, including its diagonal neighbours.
 ALL_NEIGHBOURS = np.ones((3, 3))
@@ -171,7 +172,7 @@ def _height_step(heights: NDArray) -> float:
 
 
 class TooManyUndefined(InputError):
-    """Report that a map has more undefined points than may be filled."""
+    """Report that a map has more undefined points than are allowed to be filled."""
 
 
 def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..base import Array, Flags, InputError, Pair, Periodic, Shape
 
-#: Number of points of a block of rows. The windows of 5 × 5 points of a whole map would take the memory of 25 maps.
+#: Number of points of a block of rows. The windows of 5 × 5 points of a whole map would need as much memory as 25 maps.
 _BLOCK = 2**16
 ORDERS = "0 (mean), 1 (tilt) or 2 (tilt and curvature)"
 

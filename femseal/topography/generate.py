@@ -70,7 +70,7 @@ def self_affine(
     Raises
     ------
     InputError
-        A value is outside its range, or not exactly one of `rms_slope` and `rms_height` is given.
+        A value is outside its range, or both or neither of `rms_slope` and `rms_height` are given.
 
     Examples
     --------
@@ -101,7 +101,7 @@ def self_affine(
     weight = 1.0 if rms_slope is None else q**2
     # Each wave of the half plane stands for a conjugate pair, hence the factor 2.
     amplitude *= rms / np.sqrt(2 * np.sum(weight * amplitude**2))
-    del q, weight  # large surfaces need their memory
+    del q, weight  # frees memory that large surfaces need
     heights = random_waves(shape, (k1, k2), amplitude, _check_generator(rng))
     heights.flags.writeable = False  # a map copies an array only if it is writeable
     return Topography(heights, spacing)
@@ -163,7 +163,7 @@ def turned(
     cut_off : float, optional
         Shortest wave [m]. Default: 8 times the larger pixel spacing.
     rng : numpy.random.Generator or seed
-        Source of the errors and phases.
+        Source of the random errors and phases.
 
     Returns
     -------
@@ -391,7 +391,7 @@ def period_counts(size: Pair, cut_off: float) -> tuple[NDArray, NDArray]:
     # square of the wave number, in units of (2π/L1)²
     square = np.square(k1, dtype=float) + (k2 * (size[0] / size[1])) ** 2
     is_in_half_plane = (k2 > 0) | (k1 > 0)
-    # The limit itself is excluded: on some grids it would be the Nyquist wave, whose phase the grid decides.
+    # The limit itself is excluded: on some grids it would be the Nyquist wave, whose phase depends on the grid.
     is_long = square < (size[0] / cut_off) ** 2 * (1 - SLACK)
     selected = is_in_half_plane & is_long
     k1, k2, square = k1[selected], k2[selected], square[selected]

@@ -15,12 +15,12 @@ from .waves import SLACK
 #: Default number of pixels per shortest wave, which is enough to resolve contact and flow. If the pixels are not
 #: square, the larger spacing counts.
 PIXELS_PER_WAVE = 8
-#: A measured surface keeps its pixels if the waves of at least 8 pixels have at least this fraction of the rms slope of
-#: all measured waves.
+#: A measured surface keeps its pixels if the waves that are at least 8 pixels long have at least this fraction of the
+#: rms slope of all measured waves.
 KEPT_SLOPE = 0.99
 #: Largest number of points of a grid that femseal chooses. The number is the same on all machines, so that results do
-#: not depend on the machine. A deterministic solution on such a grid takes a few GB, and 10 to 40 s of one core for
-#: each load step.
+#: not depend on the machine. A deterministic solution on such a grid takes a few GB of memory, and 10 to 40 s on one
+#: core for each load step.
 MOST_GRID_POINTS = 2**22
 
 

@@ -1,4 +1,4 @@
-"""State the limits of the instrument that has measured a map, and find the shortest wave that it resolves.
+"""State the limits of the instrument that measured a map, and find the shortest wave that it resolves.
 
 The shortest wave that an instrument resolves follows from its tip radius or its lateral resolution. A round tip of
 radius R follows a wave of amplitude a and wavelength λ if the curvature of the wave is at most the curvature of the
@@ -27,7 +27,7 @@ UNSEEN = 10.0
 
 @dataclass(frozen=True)
 class Instrument:
-    """Describe the limits of the instrument that has measured a map.
+    """Describe the limits of the instrument that measured a map.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from .instruments import unprinted
 from .raw import Raw, Reading
 from .text_files import TEXT
 
-#: Suffixes of lossless image formats, and of arrays, that a mask may have.
+#: Suffixes that the file of a mask can have: those of lossless image formats, and of arrays.
 _IMAGES = (".png", ".tif", ".tiff", ".bmp", ".gif")
 _ARRAYS = (".npy", *TEXT)
 
@@ -41,7 +41,7 @@ def read_mask(path: str | os.PathLike[str], shape: Shape) -> Flags:
     Raises
     ------
     InputError
-        The file does not exist, cannot be read, or has another number of points.
+        The file does not exist, cannot be read, or has a different number of points from the heights.
     """
     path = Path(path)
     suffix = path.suffix.lower()

@@ -143,7 +143,7 @@ def _check_number(given: float | str) -> float:
 
 
 def _points(flags: NDArray) -> str:
-    """Write the number and the percentage of points that are True."""
+    """Format the number and the percentage of points that are True."""
     fraction = as_text(float(flags.mean()), percent=True)
     return f"{counted(np.count_nonzero(flags), 'point')} ({fraction})"
 

@@ -44,7 +44,7 @@ _FLAT = -1.5
 _ABOVE_NOISE = 4.0
 #: Densities below this fraction of the largest density are rounding errors.
 _ROUNDING = 1e-16
-#: The instrument does not see waves whose density is below this fraction of the power law.
+#: Waves whose density is below this fraction of the power law were not resolved by the instrument.
 _CUT = 0.1
 #: Largest Hurst exponent of a fit.
 _LARGEST_HURST = 1.1
@@ -99,7 +99,7 @@ class SpectralPowerLaw:
         return float(q**4 * self.at(q) / (2 * pi) * growth)
 
 
-#: Stands for a power law where there is none.
+#: Placeholder for the power law of a spectrum that follows none.
 NO_LAW = SpectralPowerLaw(nan, nan, nan, nan, nan, nan)
 
 

@@ -67,7 +67,8 @@ def profile_roughness(
         If `spacing` is None, the profile is irregular, and the filter is chosen from Ra.
     ra, rz : float, optional
         Ra or Rz that a drawing states [m]. For an irregular profile, the filter is then chosen from the stated value
-        instead of the computed Ra, so that a surface near the limit between two filters is judged with one of them.
+        instead of the computed Ra, so that surfaces near the limit between two filters are all evaluated with the same
+        filter.
 
     Returns
     -------
@@ -154,8 +155,8 @@ def standard_profile_parameters(flat: Topography, axis: int) -> ProfileParameter
 def _mean_section_height(profiles: NDArray, length: float) -> float:
     """Compute Rz [m], the mean height from the lowest to the highest point of the sections of all profiles.
 
-    The standard measures five sections by default. All whole sections of a longer profile are used, as for Ra, because
-    more sections have the same mean height with less scatter.
+    The standard prescribes five sections by default. All whole sections of a longer profile are used, as for Ra,
+    because a mean over more sections has the same expected value and less scatter.
 
     profiles : heights of the profiles (profile, point) [m].
     length : length λc of a section, in points; NaN if each profile is a single section.

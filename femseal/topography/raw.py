@@ -20,7 +20,7 @@ class Raw:
     Parameters
     ----------
     heights : array, (n1, n2)
-        Numbers without conversion of their unit, NaN where undefined.
+        Numbers as in the file, without conversion of their unit; NaN where undefined.
     height_unit : float, optional
         Unit of the heights [m], for example 1e-6 for micrometres. None if the file does not state the unit.
     spacing : tuple of two float, optional

@@ -48,7 +48,7 @@ _MASKED = (".gwy", ".npz")
 
 @dataclass(frozen=True)
 class Look:
-    """A map for inspection, even if `read_topography` refuses it.
+    """A map for inspection, and the reasons why `read_topography` would refuse it, if there are any.
 
     Parameters
     ----------
@@ -139,9 +139,9 @@ def read_topography(path: str | os.PathLike[str], **options: Any) -> Topography:
     Raises
     ------
     InputError
-        The file cannot be read, contains a profile, or contains points that are not on a grid. The pixel size or the
-        unit is unknown. Many points have the same number, which is far from all other numbers. The mask or the crop
-        does not fit the map.
+        The file cannot be read, contains a profile, or contains points that are not on a grid. An InputError is also
+        raised if the pixel size or the unit is unknown, if many points have the same number, which is far from all
+        other numbers, or if the mask or the crop does not fit the map.
 
         Implausible maps are also refused: sides outside 1 nm to 1 m (unless the caller gives `size` or `spacing`), an
         Sq above 10 mm (unless the caller gives `height_unit`), and slopes above 10 at half of the points (unless the

@@ -103,7 +103,7 @@ def repair(
 
 
 def spikes_extreme(flat: Topography, removed: Array | coo_array, wavelength: float) -> float:
-    """Return the fraction of the highest (or lowest) points that would be others if spikes were not removed.
+    """Return the fraction of the highest or lowest points that would be different points if spikes were not removed.
 
     Extreme points are determined in the map with spikes and in the map without spikes. The fraction of extreme points
     that differ is computed separately for the highest and for the lowest points, and for each number in `_EXTREMES`.

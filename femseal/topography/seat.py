@@ -161,7 +161,7 @@ def check_form(
     spacing : sequence of float
         Distance between neighbouring points along each axis [m].
     inside : array or bool
-        Whether each point belongs to the seal. At points outside of the seal, the height may be unknown.
+        Whether each point belongs to the seal. At points outside the seal, the height may be unknown.
     """
     known = np.where(inside, heights, np.nan)
     slope = 0.0

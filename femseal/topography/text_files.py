@@ -36,7 +36,7 @@ _PLACEHOLDER = re.compile(r"-+|\*+|\?+")
 _NO_DATA = re.compile(r"\bno data\b", re.IGNORECASE)
 #: Largest number of lines before the numbers.
 _LONGEST_HEADER = 1000
-#: The table of numbers begins where this many lines in succession contain equally many numbers.
+#: The table of numbers begins where this many successive lines contain the same number of numbers.
 _ALIKE = 3
 #: Number of bytes that are examined to recognise a text and its encoding.
 _HEAD = 2**16
@@ -45,7 +45,8 @@ _HEAD = 2**16
 def is_text(path: Path) -> bool:
     """Return whether a file contains text.
 
-    The suffix decides, except for .dat files, which are opened: a .dat file without zero bytes is taken to be text.
+    The suffix determines the result, except for .dat files. A .dat file is opened; it is taken to be text if it
+    contains no zero bytes.
     """
     suffix = path.suffix.lower()
     if suffix != ".dat":
@@ -91,8 +92,8 @@ def read_text(path: Path, options: Reading) -> Raw:
     Raises
     ------
     InputError
-        The text contains no numbers, words between the numbers, or lines of different lengths. The text contains a
-        profile, or points that are not on a grid.
+        The text contains no numbers, words between the numbers, lines of different lengths, a profile, or points that
+        are not on a grid.
     """
     with path.open(encoding=encoding_of(path), errors="replace") as file:
         numbers, header = _read_numbers(file, options.delimiter)
@@ -183,7 +184,7 @@ class _RowReader:
 
     def __init__(self, layout: _Layout) -> None:
         self.layout = layout
-        #: Number of numbers in the first line; 0 before it is read.
+        #: Count of numbers in the first line; 0 before it is read.
         self.width = 0
         #: All numbers so far, line by line.
         self._numbers = array("d")
@@ -197,8 +198,8 @@ class _RowReader:
     def read(self, line_number: int, text: str) -> None:
         """Add the numbers in a line to the table.
 
-        If the line has another length than the first line, an error is stored, which `table` raises unless the header
-        explains the different lengths.
+        If the line does not contain as many numbers as the first line, an error is stored, which `table` raises unless
+        the header explains the different lengths.
         """
         fields = self.layout.split(text)
         if len(fields) < 2 or fields[-1].strip():

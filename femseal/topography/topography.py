@@ -58,8 +58,8 @@ class Topography(Plotted):
     Raises
     ------
     InputError
-        The heights are not two-dimensional, or are empty, complex or infinite. The spacing is not two finite numbers >
-        0.
+        The heights are not two-dimensional, or are empty, complex or infinite; or the spacing does not consist of two
+        finite numbers > 0.
 
     Examples
     --------
@@ -391,9 +391,9 @@ class Topography(Plotted):
         """Return the two-dimensional spectral density, averaged over all directions of the wave vector.
 
         The mean square height Sq² is the integral of C2D/4π² over the plane of wave vectors. The density is averaged in
-        rings of |q|. The width of each ring is the larger of the wave-number steps along x1 and x2.
-        If a part of a ring lies beyond the Nyquist wave number of an axis, only the other part of the ring contributes
-        to the average. Rings without waves are left out.
+        rings of |q|. The width of each ring is the larger of the wave-number steps along x1 and x2. If a
+        part of a ring lies beyond the Nyquist wave number of an axis, only the rest of the ring contributes to the
+        average. Rings without waves are left out.
 
         Returns
         -------
