@@ -130,7 +130,7 @@ def design(
         list[str] | None,
         typer.Option(
             "--class",
-            help="Leakage class, such as L0.01, 'TA Luft', 'ISO 5208 C', or '5 mL/min'; may be given several times.",
+            help="Leakage class, such as L0.01, 'TA Luft', 'ISO 5208 C', or '5 mL/min'; can be given several times.",
             show_default="those of the case, else L0.01, L0.1, L1",
         ),
     ] = None,
@@ -140,7 +140,7 @@ def design(
     assembly: Annotated[
         list[str] | None,
         option(
-            "Further load in assembly Q_A, such as '300 MPa' or '60 kN'; may be given several times.",
+            "Further load in assembly Q_A, such as '300 MPa' or '60 kN'; can be given several times.",
             "none",
         ),
     ] = None,

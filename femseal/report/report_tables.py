@@ -220,7 +220,7 @@ def budget_table(results: Results) -> TextTable | None:
         )
         numerical = np.asarray(budget.numerical.half_width())
         lines.append(_BudgetLine("numbers alone", numerical, note))
-    note = "square root of the sum of squares of the distances of ln(leakage)"
+    note = "square root of the sum of the squared distances in ln(leakage)"
     lines.append(_BudgetLine("together", np.asarray(budget.half_width()), note))
     names = load_names(results.dataset)
     columns: list[tuple[str, Iterable[str]]] = [("source", [line.source for line in lines])]

@@ -75,7 +75,7 @@ class RunComparison(Plotted):
         return np.asarray(results.leakage.values / self._factor(run))
 
     def band(self, run: int) -> tuple[Array, Array] | None:
-        """Return the lower and upper quantiles of the leakage of the realisations of a run.
+        """Return the lower and upper quantiles of the leakage over the realisations of a run.
 
         Each quantile is an array (step,) in `unit`. The method returns None if the run has no realisations.
         """
@@ -463,7 +463,7 @@ def _common_unit(runs: Sequence[Results]) -> LeakUnit:
 
 
 def _pressure(step: LoadStep) -> float:
-    """Return the pressure of a load step, which serves to sort load steps."""
+    """Return the pressure of a load step, by which load steps are sorted."""
     return step.pressure
 
 

@@ -227,7 +227,7 @@ def add_block_means(data: xarray.Dataset, scene: Scene, study: StudyResult) -> N
 def add_blocks(
     data: xarray.Dataset, dims: tuple[str, str], face: Surface, largest_count: int
 ) -> None:
-    """Add two coordinates with the positions of the centres of blocks of pixels.
+    """Add two coordinates with the centres of blocks of pixels.
 
     Parameters
     ----------

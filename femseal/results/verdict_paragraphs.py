@@ -376,7 +376,7 @@ def _hints(results: Results, verdicts: Sequence[Verdict]) -> Paragraph:
 
 
 def _remaining_width(lower: float, upper: float, new_lower: float, new_upper: float) -> float:
-    """Compute the ratio of the width of a new interval of ln(leakage) to the width of the present one.
+    """Divide the width of a new interval of ln(leakage) by the width of the present one.
 
     The ratio is 0 if the new or the present interval has no finite width.
     """

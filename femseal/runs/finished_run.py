@@ -59,7 +59,7 @@ def finished_results(case: Case, faces: dict[str, str], folder: Path) -> Results
     # results of another case, or from other input files
     if _without_file_keys(results.case) != _without_file_keys(echo) or former_faces != faces:
         return None
-    # the settings that the program chooses may have changed with its version or with the code of the user
+    # the settings that the program chooses may have changed, because its version or the code of the user has changed
     study_input = prepare(case)
     has_same_settings = former_settings == chosen_settings(case, study_input)
     if has_same_settings and _with_sorted_sources(results.case) == _with_sorted_sources(echo):

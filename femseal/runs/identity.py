@@ -19,7 +19,7 @@ from ..store.digests import is_known
 def run_identity(case: Case, faces: dict[str, str]) -> dict[str, Any]:
     """Return all data on which the results of a run depend, as nested dictionaries of plain values.
 
-    Of the table [output], only the test fluid is included: all other keys in it may be changed before a run is resumed.
+    Of the table [output], only the test fluid is included: all its other keys can be changed before a run is resumed.
     """
     echo = case.echo()
     echo |= {"output": {"test_fluid": echo["output"].get("test_fluid")}}

@@ -251,7 +251,7 @@ def label_pockets(is_pocket: Flags) -> tuple[NDArray[np.int32], int]:
     # join pockets that meet at the periodic border
     first_column, last_column = labels[:, 0], labels[:, -1]
     is_pair = (first_column > 0) & (last_column > 0)
-    # component 0 consists of the label 0 alone, which stands for the points outside of pockets
+    # component 0 consists only of the label 0, which stands for the points outside of pockets
     joined = _components(first_column[is_pair], last_column[is_pair], n + 1)
     return joined[labels].astype(np.int32), int(joined.max())
 

@@ -168,8 +168,7 @@ class ContactGrid:
 def _grid_shape(rows: int, columns: int, fewest_rows: int) -> Shape:
     """Choose the numbers of rows and columns of the grid over a strip or a ring.
 
-    The numbers of rows and columns of the grid are multiples of the numbers of rows and columns of tiles, unless the
-    seal has very many tiles.
+    The grid has a multiple of the rows and of the columns of tiles, unless the seal has very many tiles.
 
     rows, columns : numbers of rows and columns of tiles.
     fewest_rows : smallest number of rows of the grid.

@@ -171,7 +171,7 @@ class MeasuredForm:
     def from_points(
         cls, points: ArrayLike, heights: ArrayLike, *, polar: bool = False
     ) -> MeasuredForm:
-        """Create a form from heights at measured points, which may be scattered, on a grid or on a line.
+        """Create a form from heights at measured points, which can be scattered, on a grid or on a line.
 
         Parameters
         ----------

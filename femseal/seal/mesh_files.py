@@ -124,7 +124,7 @@ def read_field(path: str | PathLike[str], name: str) -> tuple[Array, Array]:
     Returns
     -------
     positions : array, (n, 2)
-        Coordinates of the points or of the centres of the cells, in the unit of the file. The centre of a cell is the
+        Coordinates of the points or of the cell centres, in the unit of the file. The centre of a cell is the
         mean position of its nodes.
     values : array, (n,) or (n, components)
         Values of the field.

@@ -41,7 +41,7 @@ class CellSize:
     def covered_columns(self, rows: int, columns: int) -> int:
         """Return how many columns of tiles are used, so that the seal has at most `most_tiles` tiles.
 
-        rows, columns : numbers of rows and of columns of tiles of the whole seal.
+        rows, columns : numbers of rows and columns of tiles for the whole seal.
         """
         if self.most_tiles is None:
             return columns

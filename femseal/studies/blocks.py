@@ -128,7 +128,7 @@ def by_blocks(scene: Scene, blocks: Shape, *, mapper: Mapper = map) -> BlocksRes
         Numbers of blocks along x1 and x2. Each block has 4 × 4 cells, so that the number of points along an axis must
         be divisible by 4 times the number of blocks.
     mapper : callable
-        Function such as the builtin `map`, which computes a stage for all blocks. The mapper may use several processes
+        Function such as the builtin `map`, which computes a stage for all blocks. The mapper can use several processes
         or a cluster.
 
     Returns

@@ -43,7 +43,7 @@ HIGHEST_PRESSURE = 0.97
 class RoughLayer:
     """Describe the separation s of the mean planes of rough surfaces as a function of the contact pressure.
 
-    The layer may describe several surfaces that have been solved at the same pressures, such as the blocks of a large
+    The layer can describe several surfaces that have been solved at the same pressures, such as the blocks of a large
     surface.
 
     Parameters

@@ -14,7 +14,7 @@ from .study_result import StudyResult
 from .study_type import Study
 from .two_scale_type import TWO_SCALE
 
-#: All studies by name, in the order in which they are solved. A study may use the results of earlier studies. If a case
+#: All studies by name, in the order in which they are solved. A study can use the results of earlier studies. If a case
 #: has several studies, the leakage of the last one is the result of the run.
 STUDIES: dict[str, Study] = {
     study.name: study for study in (DETERMINISTIC, TWO_SCALE, BLOCKS, STOCHASTIC)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .sampling import Sampling
     from .study_result import StudyResult
 
-#: Smallest length of the side of a cell of a surface study, as a multiple of the shortest wavelength, if the case does
+#: Smallest side length of the cells in a study of a surface, as a multiple of the shortest wavelength, if the case does
 #: not specify the cells.
 _USUAL_WAVES = 8
 #: Relative error of lengths that are computed in different ways.

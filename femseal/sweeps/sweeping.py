@@ -251,7 +251,7 @@ def parsed_keys(arguments: Sequence[str]) -> dict[str, list[Any]]:
 
 
 def _parse_values(text: str) -> list[Any]:
-    """Parse values that are separated by commas. A value may be a TOML value, or a string without quotes."""
+    """Parse values that are separated by commas. Each is a TOML value, or a string without quotes."""
     try:
         return list(tomllib.loads(f"values = [{text}]")["values"])
     except (tomllib.TOMLDecodeError, RecursionError):
