@@ -117,7 +117,9 @@ def _without_held(loose, is_loose, centre, links, neighbours, ring):
 
 @compiled(**REORDERED)
 def find_clusters(is_loose, operator, is_nine_point, ring):
-    """Find the clusters of a level.
+    """Find the clusters of a level: groups of loose nodes with wide links to each other.
+
+    A node is loose if its links to nodes that are held by the coarser grid are too narrow to hold it as well.
 
     is_loose : flags of the nodes that are not held directly by the coarser grid, with a border of one node. The flags
         are overwritten.
@@ -127,27 +129,41 @@ def find_clusters(is_loose, operator, is_nine_point, ring):
     centre, right, below, below_right, below_left = operator
     links = right, below, below_right, below_left
     neighbours = 8 if is_nine_point else 4
-    n2 = centre.shape[1] - 2
     loose = _list_flagged(is_loose)
     for _ in range(_PASSES):
         loose = _without_held(loose, is_loose, centre, links, neighbours, ring)
+    nodes, first = _join_loose_nodes(loose, is_loose, centre, links, neighbours, ring)
+    outside, to_ends, inverse = _find_surroundings(nodes, first, centre, links, neighbours, ring)
+    return Clusters(nodes, first, outside, to_ends, inverse)
+
+
+@inlined(**REORDERED)
+def _join_loose_nodes(loose, is_loose, centre, links, neighbours, ring):
+    """Join loose nodes that are connected by wide links to clusters of two or more nodes.
+
+    Each cluster grows from its first node: the loose neighbours of its nodes are added until none is left (flood fill).
+    A single node is no cluster, because a sweep of Jacobi changes its potential.
+
+    loose : array (nodes, 2), row and column of the loose nodes.
+    is_loose : flags of the loose nodes. The flag of a node is cleared when it is added to a cluster.
+    neighbours : number of neighbours of a node, 4 or 8.
+
+    Returns the arrays `nodes` and `first` of `Clusters`.
+    """
+    n2 = centre.shape[1] - 2
     nodes = np.empty_like(loose)
     first = np.zeros(len(loose) + 1, np.int32)
-    inverse = np.empty(len(loose), np.float32)
-    # number of the cluster of each node, counted from 1; 0 outside of clusters
-    cluster_of = np.zeros(centre.shape if len(loose) > 1 else (0, 0), np.int32)
     clusters = 0
     size = 0  # number of nodes in clusters
     for q in range(len(loose)):
         i, j = loose[q]
         if not is_loose[i, j]:  # already in a cluster
             continue
-        # fill a new cluster, beginning with this node
         begin = size
         nodes[size, 0], nodes[size, 1] = i, j
         is_loose[i, j] = False
         size += 1
-        visited = begin
+        visited = begin  # the nodes `begin` to `visited` − 1 have no further loose neighbours
         while visited < size:
             i, j = nodes[visited]
             visited += 1
@@ -160,14 +176,32 @@ def find_clusters(is_loose, operator, is_nine_point, ring):
                     nodes[size, 0], nodes[size, 1] = a, b
                     size += 1
         if size == begin + 1:
-            size = begin  # a sweep changes the potential of a single node
+            size = begin  # a single node is removed again
             continue
-        for m in range(begin, size):
-            cluster_of[nodes[m, 0], nodes[m, 1]] = clusters + 1
         first[clusters + 1] = size
         clusters += 1
-    outside = np.zeros(size, np.uint8)
-    to_ends = np.zeros(size, np.float32)
+    return nodes[:size].copy(), first[: clusters + 1].copy()
+
+
+@inlined(**REORDERED)
+def _find_surroundings(nodes, first, centre, links, neighbours, ring):
+    """Find the links from each cluster to its surroundings, and the sum of their conductances.
+
+    nodes, first : see `Clusters`.
+    neighbours : number of neighbours of a node, 4 or 8.
+
+    Returns the arrays `outside`, `to_ends` and `inverse` of `Clusters`.
+    """
+    n2 = centre.shape[1] - 2
+    clusters = len(first) - 1
+    # number of the cluster of each node, counted from 1; 0 outside of clusters
+    cluster_of = np.zeros(centre.shape if clusters > 0 else (0, 0), np.int32)
+    for c in range(clusters):
+        for m in range(first[c], first[c + 1]):
+            cluster_of[nodes[m, 0], nodes[m, 1]] = c + 1
+    outside = np.zeros(len(nodes), np.uint8)
+    to_ends = np.zeros(len(nodes), np.float32)
+    inverse = np.empty(clusters, np.float32)
     for c in range(clusters):
         outward = 0.0  # sum of the conductances between the cluster and its surroundings
         for m in range(first[c], first[c + 1]):
@@ -186,13 +220,7 @@ def find_clusters(is_loose, operator, is_nine_point, ring):
                 to_ends[m] = rest
                 outward += rest
         inverse[c] = 1.0 / outward if outward > _LEAST_OUTWARD else 0.0
-    return Clusters(
-        nodes[:size].copy(),
-        first[: clusters + 1].copy(),
-        outside,
-        to_ends,
-        inverse[:clusters].copy(),
-    )
+    return outside, to_ends, inverse
 
 
 def no_clusters() -> Clusters:

@@ -5,6 +5,8 @@ to avoid cancellation. The multigrid cycle and the search directions are compute
 the search directions causes no error, because the potential and the residual are updated with the same rounded
 directions. A multigrid cycle performs one sweep of damped Jacobi before the coarse-grid correction, and one sweep after
 the correction. On large levels, the rows are divided between threads.
+
+Source: Saad, Iterative Methods for Sparse Linear Systems, 2nd ed., SIAM 2003, algorithm 9.1.
 """
 
 from __future__ import annotations
@@ -159,7 +161,13 @@ class _Settings(NamedTuple):
 
 @leader(**REORDERED)
 def _iterate(network, initial, settings):
-    """Perform the iteration of `solve_multigrid`.
+    """Perform the iteration of `solve_multigrid`: preconditioned conjugate gradients (Saad 2003, algorithm 9.1).
+
+    The symbols are those of the algorithm: potential x, residual r, search direction p, and z = M⁻¹r, which one
+    multigrid cycle computes. The cycle reads its right-hand side from the array b of the finest level and writes z to
+    the array r of this level. These arrays are in single precision, so that b is r divided by the number `scale`, and z
+    is M⁻¹r divided by `scale`. All arrays have a border of one node on each side, as in `hierarchy`; only x has none on
+    the left and on the right.
 
     network : tuple of the conductances `along` and `across` of the stencil and a flag, whether the columns form a ring.
     initial : tuple of the arrays row_drop and row_potential: drop of the initial potential from each row of nodes to
@@ -191,11 +199,13 @@ def _iterate(network, initial, settings):
     first_rz = previous_rz = np.inf
     iteration = 0
     while True:
+        # z = M⁻¹r, and the estimate rᵀz of the squared error in the energy norm
         cycle(levels, coarsest, ring)
         sum_products(z, r, settings.field, settings.ignored, sums)
         rz = scale * sums[0].sum()
         largest = scale * sums[1].max()
         rate = (along[-1] * x[-2]).sum()
+        # Compute the error bound if all estimates are within the tolerance.
         # The flow rate is equal to the energy, so that rᵀM⁻¹r / rate is an estimate of the squared relative error of φ.
         is_small = 0.0 <= rz * ratio_to_bound <= allowed * rate
         is_balanced = unbalanced <= largest_imbalance * rate
@@ -210,12 +220,14 @@ def _iterate(network, initial, settings):
             if bound <= allowed:
                 return x, iteration, error, True
             ratio_to_bound = bound * rate / rz
+        # give up if the iteration has failed, or would take too long
         if iteration == 0:
             first_rz = rz
         total = (iteration, settings.limit)
         needed_rz = allowed * rate / ratio_to_bound
         if _is_hopeless(total, rz, first_rz, needed_rz) or ratio_to_bound > _LARGEST_RATIO:
             break
+        # next search direction, and the step along it
         β = rz / previous_rz if iteration > 0 else 0.0
         update_direction(p, z, scale, β)
         sum_curvature(p, network, a_p, sums)
@@ -232,13 +244,26 @@ def _iterate(network, initial, settings):
     has_converged = False
     if settings.field == np.inf:
         # if rounding errors have stopped the iteration, its error may still be small enough
-        if drainage.first.size == 0:
-            drainage = find_drainage(along, across)
-        excess, energy = excess_and_energy(along, across, x, 1.0 - x)
-        _ignore(excess, settings.ignored)
-        error = np.sqrt(correction_energy(across, drainage, excess) / energy)
+        error = _error_of_potential(x, along, across, drainage, settings.ignored)
         has_converged = error**2 <= settings.rtol
     return x, iteration, error, has_converged
+
+
+@inlined_leader(**REORDERED)
+def _error_of_potential(x, along, across, drainage, ignored):
+    """Bound the relative error of a potential x in the energy norm, without its residual.
+
+    The residual of the iteration is updated in each step and may have lost its accuracy by rounding. The excess of each
+    node is therefore computed again from x itself.
+
+    drainage : result of `find_drainage` for the network, or of `no_drainage` if it has not been computed yet.
+    ignored : flags of the inner nodes whose excess is left out.
+    """
+    if drainage.first.size == 0:
+        drainage = find_drainage(along, across)
+    excess, energy = excess_and_energy(along, across, x, 1.0 - x)
+    _ignore(excess, ignored)
+    return np.sqrt(correction_energy(across, drainage, excess) / energy)
 
 
 #: `_iterate` without threads.
