@@ -72,7 +72,7 @@ def flow_warnings(scene: Scene, leakage: Array, mean_gap: Array) -> Iterator[str
             f"Less gas leaks than computed, at most {mass_rate[worst] / choked[worst]:.2g} kg/s per metre at "
             f"{names[worst]}: the computed {mass_rate[worst]:.2g} kg/s per metre are {choked[worst]:.2g} times what a "
             f"choked nozzle as narrow as the mean gap, {to_text(mean_gap[worst], 'm', 2)}, lets through, and the model "
-            "has no speed of sound"
+            "does not include choking"
         )
     worst = int(inertia.argmax())
     if inertia[worst] > 1:

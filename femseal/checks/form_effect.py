@@ -85,8 +85,9 @@ class FormEffect:
         is_notable = np.abs(self.changes) > log(_NOTABLE_RATIO)
         if is_notable[0].any():
             return (
-                "Is the curvature real, as of a small seal or of one that is bent as a whole? Then surface.detrend = 1 "
-                "keeps the curvature; where it comes from the instrument, or the load presses it flat, 2 removes it"
+                "Does the curvature belong to the seal, because the seal is small or bent as a whole? Then "
+                "surface.detrend = 1 keeps the curvature. If it comes from the instrument, or if the load presses it "
+                "flat, 2 removes it"
             )
         if is_notable.any():
             return (

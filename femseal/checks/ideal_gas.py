@@ -67,8 +67,7 @@ def gas_warnings(key: str, fluid: Any, inlet: float, outlet: float) -> Iterator[
     elif is_high or abs(error.ratio - 1) > _IDEAL_WITHIN:
         yield (
             f"the ideal gas in {key} leaks {error.ratio:.3g} times as much {ends} as {error.name}, which it seems to "
-            f"be, does by CoolProp: kind = 'real-gas' with name = '{error.name}' takes density and viscosity as they "
-            "are"
+            f"be: kind = 'real-gas' with name = '{error.name}' takes the true density and viscosity from CoolProp"
         )
 
 

@@ -48,8 +48,9 @@ def drawing_warnings(case: Case, surface: Surface) -> Iterator[str]:
         actual = to_text(value, "m", 3)
         stated = to_text(wanted, "m", 3)
         yield (
-            f"The surface has another roughness than the drawing: its {name} is {actual}, the drawing states {stated}. "
-            f"Multiply the heights of [face] (depth, roughness, rms_height, rms_slope) by {wanted / value:.3g}"
+            f"The roughness of the surface differs from that on the drawing: its {name} is {actual}, the drawing "
+            f"states {stated}. Multiply the heights of [face] (depth, roughness, rms_height, rms_slope) by "
+            f"{wanted / value:.3g}"
         )
 
 

@@ -68,7 +68,7 @@ def groove_warnings(case: Case, surface: Surface) -> Iterator[str]:
     lead = to_text(pitch, "m", 2)
     yield (
         f"The seal may leak much more than computed: the face has grooves along x2, {lead} apart, which leak past "
-        "closed lands if they are a spiral, as those of turned faces. Is the face turned? Then set lay = "
+        "closed lands if they are a spiral, as on turned faces. Is the face turned? Then set lay = "
         f"{{kind = 'spiral', lead = '{lead}'}} in [seal], or 'x2' if the grooves are rings"
     )
 
