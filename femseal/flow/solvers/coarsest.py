@@ -56,24 +56,25 @@ def _number_nodes(n1, n2, ring):
     return number, (n2 + step if n2 <= n1 else step * n1 + 1)
 
 
-@compiled(**REORDERED)
-def eliminate_coarsest(operator, ring):
-    """Eliminate all nodes of the coarsest level.
+@inlined(**REORDERED)
+def _store_as_band(operator, number, width, ring):
+    """Store the links of all nodes of an operator as a band matrix.
 
-    operator : arrays `centre`, `right`, `below`, `below_right` and `below_left`, see the docstring of the module.
-    ring : whether the columns form a ring.
+    operator, ring : as in `eliminate_coarsest`.
+    number, width : results of `_number_nodes`.
+
+    Returns
+    -------
+    band : array (n + width, width). Entry a of row k is the conductance of the link between the nodes k and k + 1 + a.
+        The last `width` rows are empty, so that no loop has to check whether it goes beyond the last node.
+    to_ends : array (n + width,), conductance between each node and inlet and outlet.
     """
-    # The nodes have the rows 1 to n1 and the columns 1 to n2 of the fields, which have a border. In `number` and in the
-    # loops they count from 0.
     centre = operator[0]
-    n1 = centre.shape[0] - 2
-    n2 = centre.shape[1] - 2
-    number, width = _number_nodes(n1, n2, ring)
+    n1, n2 = number.shape
     n = n1 * n2
-    # `width` empty rows at the end, so that no loop has to check whether it goes beyond the last node
     band = np.zeros((n + width, width), np.float32)
     to_ends = np.zeros(n + width, np.float32)
-    inverse = np.zeros(n, np.float32)
+    # the nodes count from 0 in `number`, and from 1 in the arrays of the operator, which have a border
     for i in range(n1):
         for j in range(n2):
             k = number[i, j]
@@ -96,11 +97,21 @@ def eliminate_coarsest(operator, ring):
                     band[min(k, other), abs(k - other) - 1] += link[i + 1, j + 1]
             if rest > _ROUNDING * centre[i + 1, j + 1]:
                 to_ends[k] = rest
-    # Star-mesh elimination: the elimination of node k adds links between all its later neighbours, and from its later
-    # neighbours to inlet and outlet. Entry a of row k of `band` is the link to node k + 1 + a.
+    return band, to_ends
+
+
+@inlined(**REORDERED)
+def _eliminate_band(band, to_ends, n):
+    """Eliminate n nodes one after another by star-mesh elimination, and return `inverse` of `Coarsest`.
+
+    The elimination of a node adds links between all its later neighbours, and from its later neighbours to inlet and
+    outlet. The new links are added to the arrays `band` and `to_ends`, see `_store_as_band`.
+    """
+    width = band.shape[1]
+    inverse = np.zeros(n, np.float32)
     for k in range(n):
         row = band[k]
-        later = band[k + 1 : k + 1 + width]
+        later = band[k + 1 : k + 1 + width]  # rows of the nodes that may be neighbours of node k
         total = to_ends[k]
         for a in range(width):
             total += row[a]
@@ -113,6 +124,20 @@ def eliminate_coarsest(operator, ring):
                 to_ends[k + 1 + a] += fraction * to_ends[k]
                 for b in range(width - 1 - a):
                     later[a, b] += fraction * row[a + 1 + b]
+    return inverse
+
+
+@compiled(**REORDERED)
+def eliminate_coarsest(operator, ring):
+    """Eliminate all nodes of the coarsest level.
+
+    operator : arrays `centre`, `right`, `below`, `below_right` and `below_left`, see the docstring of `hierarchy`.
+    ring : whether the columns form a ring.
+    """
+    centre = operator[0]
+    number, width = _number_nodes(centre.shape[0] - 2, centre.shape[1] - 2, ring)
+    band, to_ends = _store_as_band(operator, number, width, ring)
+    inverse = _eliminate_band(band, to_ends, number.size)
     return Coarsest(number, band, inverse)
 
 

@@ -148,6 +148,10 @@ def _wrap_weights(w, i, fine_row):
 def compute_galerkin_product(first, end, diagonal, coarse, w, operator, is_nine_point, ring):
     """Compute the Galerkin product PᵀAP for some rows of the next coarser level.
 
+    The columns of P contain the interpolation weights of the coarse nodes. A P is computed for one coarse node at a
+    time; it is only different from 0 at the 5 × 5 fine nodes around the coarse node. The products of A P with the
+    weights of the node itself and of its neighbours are the entries of the coarse operator.
+
     coarse : array (5, coarse rows, coarse columns) for the result: the diagonal and the four kinds of conductances of
         the next coarser level.
     """
@@ -155,13 +159,13 @@ def compute_galerkin_product(first, end, diagonal, coarse, w, operator, is_nine_
     n1 = centre.shape[0] - 2
     n2 = centre.shape[1] - 2
     m2 = w.shape[3] - 2
-    # A times the interpolation of one coarse node, at the 5 × 5 fine nodes around it
-    row = np.empty((5, 5))
-    out = np.empty(5)
+    # A P of one coarse node at the 5 × 5 fine nodes around it; the coarse node itself is at (2, 2)
+    a_p = np.empty((5, 5))
+    entries = np.empty(5)  # of the coarse operator
     for ci in range(first, end):
         for cj in range(1, m2 + 1):
             for a in range(25):
-                row[a // 5, a % 5] = 0.0
+                a_p[a // 5, a % 5] = 0.0
             for a in range(3):
                 i = 2 * ci - 2 + a  # fine row, from 1 to n1
                 if i < 1 or i > n1:
@@ -173,16 +177,16 @@ def compute_galerkin_product(first, end, diagonal, coarse, w, operator, is_nine_
                         j = n2 if ring else 0  # the column before the first one
                     if v == 0.0 or j < 1 or j > n2:
                         continue
-                    row[a + 1, b + 1] += centre[i, j] * v
-                    row[a + 1, b] -= right[i, j - 1] * v
-                    row[a + 1, b + 2] -= right[i, j] * v
-                    row[a, b + 1] -= below[i - 1, j] * v
-                    row[a + 2, b + 1] -= below[i, j] * v
+                    a_p[a + 1, b + 1] += centre[i, j] * v
+                    a_p[a + 1, b] -= right[i, j - 1] * v
+                    a_p[a + 1, b + 2] -= right[i, j] * v
+                    a_p[a, b + 1] -= below[i - 1, j] * v
+                    a_p[a + 2, b + 1] -= below[i, j] * v
                     if is_nine_point:
-                        row[a, b] -= below_right[i - 1, j - 1] * v
-                        row[a, b + 2] -= below_left[i - 1, j + 1] * v
-                        row[a + 2, b] -= below_left[i, j] * v
-                        row[a + 2, b + 2] -= below_right[i, j] * v
+                        a_p[a, b] -= below_right[i - 1, j - 1] * v
+                        a_p[a, b + 2] -= below_left[i - 1, j + 1] * v
+                        a_p[a + 2, b] -= below_left[i, j] * v
+                        a_p[a + 2, b + 2] -= below_right[i, j] * v
             # entries with the node itself and the coarse nodes at the right, below, below right and below left
             for k in range(5):
                 di = (0, 0, 1, 1, 1)[k]
@@ -197,13 +201,13 @@ def compute_galerkin_product(first, end, diagonal, coarse, w, operator, is_nine_
                     if y > 4:
                         continue
                     for b in range(3):
-                        x = shift + b + 1  # (y, x) is the position of the fine node in `row`
+                        x = shift + b + 1  # (y, x) is the position of the fine node in `a_p`
                         if 0 <= x <= 4:
-                            s += w[ci + di, a, b, cj + dj] * row[y, x]
-                out[k] = s
-            coarse[0, ci, cj] = out[0]
+                            s += w[ci + di, a, b, cj + dj] * a_p[y, x]
+                entries[k] = s
+            coarse[0, ci, cj] = entries[0]
             for k in range(1, 5):
-                coarse[k, ci, cj] = -out[k]
+                coarse[k, ci, cj] = -entries[k]
         if ring:
             for k in range(1, 5):
                 wrap_row(coarse[k, ci])
