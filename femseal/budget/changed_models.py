@@ -29,7 +29,7 @@ _MATTERS = 0.25
 
 @dataclass(frozen=True, eq=False)
 class ModelChange:
-    """Describe a change of the model or its input, whose effect on the leakage shows how much an error matters.
+    """Describe a change of the model or its input. Its effect on the leakage shows how much an error matters.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Estimate the error of a leakage from its difference to a second solution, such as a solution on a coarser grid.
+"""Estimate the error of a leakage by comparison with a second solution, such as a solution on a coarser grid.
 
 The class `CoarserSolution` holds the leakage of the second solution, for example with larger pixels or without the
 shortest waves. The difference between the leakage and the leakage of the second solution shows the error of the pixel

@@ -50,7 +50,7 @@ def effective_pressure_part(scene: Scene, study: StudyResult) -> ErrorPart | Non
 def patch_form_part(
     effect: FormEffect, steps: LoadProgramme, leakage: Array, *, rises: bool = False
 ) -> ErrorPart | None:
-    """Estimate the error that arises because the curvature of a patch may be form deviation or roughness.
+    """Estimate the error that arises because the curvature of a patch may be either form deviation or roughness.
 
     The curvature of the patch may belong to the form deviation or to the roughness, and the seal may be more curved
     than the patch. Each end of the interval is as far from ln(leakage) as ln(leakage) changes when the curvature is

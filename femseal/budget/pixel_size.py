@@ -23,9 +23,9 @@ PER_CHANGE = 0.43
 #: `PER_CHANGE` was measured.
 FEW_LOADS = {0: 3.0, 1: 3.0, 2: 1.45, 3: 1.15}
 #: Smallest shift of ln(load) that is assumed for any surface, and smallest slope |d ln(leakage)/d ln(load)| by which
-#: this shift is multiplied. The shift and the slope were measured on the surfaces of `PER_CHANGE`: with a third of the
-#: shift and a fifth of the slope, intervals of equal width contain the true leakage in 94.5 % of the cases instead of
-#: 97 %.
+#: this shift is multiplied. The shift and the slope were measured on the surfaces of `PER_CHANGE`: if a third of the
+#: shift and a fifth of the slope are assumed, intervals of equal width contain the true leakage in 94.5 % of the cases
+#: instead of 97 %.
 _LEAST_SHIFT, _LEAST_SLOPE = 0.012, 1.5
 #: Pixels in the shortest wave of the surfaces on which `PER_CHANGE` and the constants below it were measured.
 USUAL_PIXELS = 8.0

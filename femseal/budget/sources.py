@@ -152,7 +152,7 @@ def _plastic_law(
 def _form_of_the_patch(
     evaluation: Evaluation, result: StudyResult, budget: ErrorBudget
 ) -> list[ErrorPart | None]:
-    """Estimate the error that arises because the curvature of a patch may be form deviation or roughness."""
+    """Estimate the error that arises because the curvature of a patch may be either form deviation or roughness."""
     from .neglected_effects import patch_form_part
 
     version = evaluation.request.version

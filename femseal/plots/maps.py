@@ -57,7 +57,7 @@ def default_step(data: xarray.Dataset) -> int:
 
     If the results contain a realisation, the function chooses the highest load at which fluid also flows through its
     tiles. The tiles may be closed at higher loads, at which the surface leaks only along a path that winds through
-    several closed cells. If the seal leaks at no load, the index is 0.
+    several cells, each of which is closed if it is solved on its own. If the seal leaks at no load, the index is 0.
     """
     leaks = np.nan_to_num(surface_leakage(data)) != 0  # (step,)
     if "drawn_flux" in data:

@@ -36,7 +36,7 @@ _PLACEHOLDER = re.compile(r"-+|\*+|\?+")
 _NO_DATA = re.compile(r"\bno data\b", re.IGNORECASE)
 #: Largest number of lines before the numbers.
 _LONGEST_HEADER = 1000
-#: The table of numbers begins where this many successive lines contain the same number of numbers.
+#: The table of numbers begins where this many successive lines have the same number of entries.
 _ALIKE = 3
 #: Number of bytes that are examined to recognise a text and its encoding.
 _HEAD = 2**16
@@ -184,7 +184,7 @@ class _RowReader:
 
     def __init__(self, layout: _Layout) -> None:
         self.layout = layout
-        #: Count of numbers in the first line; 0 before it is read.
+        #: Number of entries in the first line; 0 before it is read.
         self.width = 0
         #: All numbers so far, line by line.
         self._numbers = array("d")
@@ -298,7 +298,7 @@ def _find_layout(lines: list[str], delimiter: str | None) -> _Layout:
 def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
     """Return the index of the line at which the table of numbers begins.
 
-    The table begins with the first of three successive lines that contain equally many numbers. If the line directly
+    The table begins with the first of three successive lines that have the same number of entries. If the line directly
     above is a faulty row of the table, the table begins with that row, so that the fault is reported. A text
     without three such lines begins with its first line of numbers. A text without any line of numbers begins with the
     first line that starts with a digit, so that an error message can quote this line.
