@@ -135,7 +135,10 @@ def design(
         ),
     ] = None,
     probability: Annotated[
-        float, typer.Option(help="Fraction of realisations for which the needed pressure is added.")
+        float,
+        typer.Option(
+            help="Fraction of the realisations; the pressure that this fraction needs is given as well."
+        ),
     ] = 0.95,
     assembly: Annotated[
         list[str] | None,

@@ -38,7 +38,8 @@ def new(
     drawing: Annotated[
         bool,
         flag(
-            "--drawing", "Write a case from what a drawing states; ask for values not given here."
+            "--drawing",
+            "Write a case from what a drawing states; ask for values that no option gives.",
         ),
     ] = False,
     ra: Annotated[str | None, _drawing_option("Ra, such as 1.6um.", "none")] = None,
@@ -62,7 +63,7 @@ def new(
     metal: Annotated[
         str | None,
         _drawing_option(
-            "Metal of the softer or plated face, such as 'copper, soft'; for a list, give any other name.",
+            "Metal of the softer or plated face, such as 'copper, soft'; an unknown name, such as 'x', lists all.",
             "copper, soft",
         ),
     ] = None,

@@ -130,7 +130,7 @@ class InputError(FemsealError, ValueError):
         return _remade(type(self), {**vars(self), **changes})
 
     def _with_suggestions(self, keys: Mapping[str, str]) -> str:
-        """Return the description of accepted values with the suggested values of arguments, or of keys of a case."""
+        """Return the description of accepted values, and insert the suggested values of arguments or of case keys."""
         expected = self._template
         for name, value in self.suggested.items():
             text = f"{name}={value}"

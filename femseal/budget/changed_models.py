@@ -22,8 +22,8 @@ from .leakage_changes import LEAST_LOAD_SLOPE, CoarserSolution, part_of_changes,
 from .wide_intervals import counting_steps
 
 #: The change in the opposite direction is solved if the half-width of the error source is above this fraction of the
-#: half-width of all other error sources together. Below this fraction, the interval would be at most 9 % longer if the
-#: opposite change of ln(leakage) were twice as large as assumed.
+#: half-width of all other error sources together. Below this fraction, one end of the interval would be at most 9 %
+#: farther from ln(leakage) if the opposite change of ln(leakage) were twice as large as assumed.
 _MATTERS = 0.25
 
 

@@ -26,7 +26,7 @@ class ErrorPart:
 
     Parameters
     ----------
-    name : name of the error source, see `sources.SOURCES`.
+    name : name of the error source: a name in `sources.SOURCES`, or "patches" or "blocks" in place of "patch".
     lower, upper : lower and upper ends of the 95 % interval of the leakage, arrays (steps,), m²/s. A lower end of 0
         means that the seal may be sealed. An upper end of inf means that no upper bound is known. NaN means that the
         error of the source is unknown.
@@ -49,7 +49,7 @@ class ErrorPart:
         Parameters
         ----------
         name : str
-            Name of the error source, see `sources.SOURCES`.
+            Name of the error source: a name in `sources.SOURCES`, or "patches" or "blocks" in place of "patch".
         leakage : array (steps,), m²/s
             Leakage. At steps where the leakage is 0, the lower and upper ends of the interval are 0.
         below, above : array (steps,)

@@ -151,7 +151,7 @@ class NumericalErrors:
 
     @cached_property
     def closing(self) -> Flags:
-        """Flag the steps (steps,) at which the last leakage path is about to close, see `near_closing`."""
+        """Whether the last leakage path is about to close at each step (steps,), see `near_closing`."""
         return near_closing(self.leakage, self.study.open_leakage(self.scene))
 
     def _wider_near_closing(self, part: ErrorPart) -> ErrorPart:

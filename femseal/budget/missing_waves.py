@@ -37,8 +37,8 @@ _POWER, _BY_STATE, _ERROR = 0.4, 0.4, 0.8
 #: 38 of 1739 loads, the removed waves sealed the surface. The estimate s is above the limit at 30 of these 38 loads,
 #: and at one in eleven of all loads.
 _MAY_CLOSE = 1.5
-#: Largest change of ln(leakage) that is used. Larger changes are reduced to this value, because the surface may
-#: even be sealed without the octave.
+#: Largest change of ln(leakage) that is used. Larger changes are reduced to this value, because the surface may even be
+#: sealed without the octave.
 _MOST_CHANGE = float(np.log(VAGUE))
 #: The removed waves have the same effect as a load that is multiplied by κ**LOAD_POWER, where κ is the remaining
 #: fraction of the rms slope. Measured on 96 surfaces of four kinds, see docs/evidence/error_budget.md: with a power of

@@ -1,9 +1,9 @@
 """Define the tables [fluid], [seal], [seal.form] and [seat] of a case.
 
 These tables are derived from registered classes. For every class in `fluids.FLUIDS`, `seal.layouts.LAYOUTS`,
-`seal.form.FORMS` and `topography.seat.SEATS` there is a table with a key for each parameter of the
-class. Only two groups of keys are declared here: keys without a corresponding parameter, and keys with a more specific
-type than the parameter.
+`seal.form.FORMS` and `topography.seat.SEATS` there is a table with a key for each parameter of the class. Only two
+groups of keys are declared here: keys without a corresponding parameter, and keys with a more specific type than the
+parameter.
 """
 
 from __future__ import annotations

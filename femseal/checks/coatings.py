@@ -113,8 +113,8 @@ def constraint_warnings(scene: Scene, leakage: Array, edge_distance: Array | Non
     thickness, hardness_of_neighbour = _soft_layer(scene)
     if thickness == 0 or edge_distance is None:
         return
-    # the equivalent load is only valid on loading; a surface that is closed everywhere has no edge, and its distance is
-    # inf
+    # The equivalent load is only valid on loading. If a surface is closed everywhere, it has no edge, and the distance
+    # to the edge is inf.
     is_judged = scene.steps.on_loading & np.isfinite(edge_distance)
     if not is_judged.any():
         return

@@ -1,4 +1,4 @@
-"""Check the plausibility of a scene and its solution: warn about values that are wrong or outside the model's range."""
+"""Check the plausibility of a scene and its solution: warn about values that are probably wrong or not modelled."""
 
 from __future__ import annotations
 

@@ -367,7 +367,9 @@ def _reduce_energy(
 ) -> EnergyReduction:
     """Perform a few steps of conjugate gradients, and choose the length of the next projection step.
 
-    The longest permissible projection step is twice the smallest Rayleigh quotient d·d/(d·Kd) of the directions.
+    The longest permissible projection step is twice the smallest Rayleigh quotient d·d/(d·Kd) of the search directions
+    d. The symbols are those of the module `conjugate_gradients`. The pressure and v at the points near contact are
+    updated in the arrays of `solver.grid`; v is then no longer `is_fresh`, that is, a product of K with the pressure.
     """
     # w·r falls about like the squared residual, which need not become smaller than the target residual
     drop = max(solver.limits.drop, (solver.rtol / evaluation.residual) ** 2)
@@ -382,7 +384,9 @@ def _reduce_energy(
     longest_step = min(solver.grid.stiffness, sets.damping * 2.0 * result.least_stiffness)
     is_fresh = reduction.is_fresh and result.steps == 0
     step = max(solver.shortest_step, longest_step)
-    return EnergyReduction(step, result, is_fresh, result.steps)
+    return EnergyReduction(
+        step=step, conjugate_steps=result, is_fresh=is_fresh, products=result.steps
+    )
 
 
 def _evaluate(

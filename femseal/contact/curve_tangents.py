@@ -256,7 +256,7 @@ class CurveTangents:
         )
 
     def _is_accurate(self, found: _Projection) -> bool:
-        """Return whether the error of the load is small compared with the residual, or a rounding error."""
+        """Return whether the error of the load is a rounding error, or much smaller than the residual."""
         residual = 0.0
         if found.squared_projection > 0:
             residual = sqrt(found.squared_difference / found.squared_projection)

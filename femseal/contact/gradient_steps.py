@@ -3,6 +3,10 @@
 `conjugate_gradients` calls `prepare_directions` and `gradient_step`. Both functions call loops over the points `first`
 to `end` − 1 of a list. The groups of arrays `law`, `points`, `near`, `free`, `lists` (`GradientLists`) and
 `preconditioner` are described in `point_arrays`.
+
+The symbols are those of the module `conjugate_gradients`: pressure p, displacement plus undeformed gap v, residual r,
+preconditioned residual w, search direction d, compliance of the half-space K, and compliance a of a point that hardens.
+After each step, the mean of r is subtracted, because adding a constant to r only changes the approach δ.
 """
 
 import numpy as np
@@ -138,12 +142,12 @@ def gradient_step(
     if wr < np.inf:
         gather_response(n_near, compliance, points, near)
         curvature, squared_length, total_curvature = curvatures(n_free, near, free, lists)
-        total = 0.0
+        residual_sum = 0.0
         if total_curvature > 0.0:
             alpha = wr / total_curvature
-            total = update_pressure_and_residual(n_free, alpha, near, free, lists)
+            residual_sum = update_pressure_and_residual(n_free, alpha, near, free, lists)
             update_displacement(n_near, alpha, near)
-        center_and_scatter_residual(n_free, total / n_free, points, free, lists)
+        center_and_scatter_residual(n_free, residual_sum / n_free, points, free, lists)
     is_made = total_curvature > 0.0
     previous_wr = wr if is_made else np.inf
     next_wr = next_direction(points, free, lists, preconditioner, n_free, previous_wr, total_ones)

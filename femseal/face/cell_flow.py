@@ -27,8 +27,8 @@ Result = TypeVar("Result")
 #: Relative tolerance of the iteration for a permeability that depends on the fluid pressure. For comparison, the slip
 #: factor of a gas is only known to 0.9 %.
 PRESSURE_RTOL = 1e-4
-#: Largest number of points of a surface whose flow is solved as a whole. Solving
-#: contact and flow of a surface of this size takes 9 GB of memory.
+#: Largest number of points of a surface whose flow is solved as a whole. Solving contact and flow of a surface of this
+#: size takes 9 GB of memory.
 LARGEST_FLOW = 2**26
 
 

@@ -205,7 +205,7 @@ class PressureCurve:
     def mean_between(self, first: Array, second: Array, mobility: Mobility) -> Array:
         """Compute the mean permeability ∫ k dφ/∫ dψ of each element between two positive pressures.
 
-        If the table is piecewise and the mobility is constant, the integrals are computed exactly. In all other cases
+        If `piecewise` is true and the mobility is constant, the integrals are computed exactly. In all other cases
         the integrals are computed by Gauss quadrature.
 
         Parameters

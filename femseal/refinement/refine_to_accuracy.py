@@ -1,4 +1,4 @@
-"""Run a case in several attempts, refining the setting with the largest error, until the accuracy is reached."""
+"""Run a case with a required accuracy: in several attempts, refine the setting that causes the largest error."""
 
 import json
 import logging
@@ -136,9 +136,9 @@ class RefinedAnswer:
 def refine_to_accuracy(case: Case, original: StudyInput, run: Run) -> RefinedAnswer:
     """Solve a case in several attempts with finer and finer settings.
 
-    The attempts end when the required accuracy is reached, or when it is clear that it cannot be reached.
-
-    After each attempt, the setting that causes the largest error is refined for the next attempt.
+    The attempts end when the required accuracy is reached, when no setting can reduce the errors further within the
+    limits of time and memory, or when an attempt after the first fails. After each attempt, the setting that causes the
+    largest error that can still be reduced is refined for the next attempt.
 
     Parameters
     ----------

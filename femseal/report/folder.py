@@ -134,7 +134,7 @@ def write_again(
         if is_kept.get(stem) and (target / name).is_file():
             kept_files.append(name)
     if not fields:
-        # if the fields are removed, there are no load steps left out of them
+        # the attribute lists the load steps that the fields leave out; without fields, there are none
         results.dataset.attrs["left_out"] = json.dumps([])
     formats = picture_formats if pictures else ()
     write_files = partial(_write_tables_and_pictures, results, surface, formats, report)

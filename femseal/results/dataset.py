@@ -59,7 +59,8 @@ class RunFacts:
     timings : mapping
         Wall time of each stage [s].
     quantiles : (float, float)
-        Probabilities of the lower and the upper quantile of the leakage over the realisations, which are stored.
+        Two probabilities; the dataset contains the quantiles of the leakage over the realisations at these
+        probabilities.
     warnings : tuple of str
         Warnings about the case, which are stored in the dataset before the warnings of the studies.
     leakage_unit : str or None
@@ -202,7 +203,7 @@ def _add_studies(
     data : dataset that is extended.
     scene : input of all studies.
     by_key : result of each study, by the key of the study.
-    quantiles : lower and upper quantiles of the leakage of the realisations.
+    quantiles : probabilities of the lower and the upper quantile of the leakage over the realisations.
     """
     contained = {study_of_result(result).contained for result in by_key.values()}
     for result in by_key.values():

@@ -65,13 +65,11 @@ def add_classes(
     upper = np.zeros_like(leakage) if budget is None else budget.upper
     names = [leak_class.name for leak_class in classes]
     add_coordinate(data, "leak_class", "1", "leakage class", names)
-    text = (
-        "largest leakage per unit seal length that the class allows, for the fluid compared with it"
-    )
+    text = "largest leakage per unit seal length that the class allows, for the fluid to which it is applied"
     add_new(data, "class_limit", "m^2/s", text, limits, ("leak_class",))
     text = "1 where the leakage meets the class, 0 where it does not or is unknown, NaN: undecided"
     add_new(data, "class_met", "1", text, _is_met(limits, leakage, upper), LEAK_CLASS)
-    text = "fraction of the realisations that meet the class, NaN: open or failed"
+    text = "fraction of the realisations that meet the class, NaN: undecided or unknown"
     fraction = _fraction_met(limits, leakage, of_realisations, upper)
     add_new(data, "class_fraction", "1", text, fraction, LEAK_CLASS)
     return _warnings(classes, basis.length, diameter)

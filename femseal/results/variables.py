@@ -337,11 +337,11 @@ def _add_budget(data: xarray.Dataset, method: str, budget: ErrorBudget, sources:
         meaning = f"{end} end of the 95 % interval of the leakage, {budget.method}"
         add_new(data, f"{name}_{end}", "m^2/s", meaning, getattr(budget, end))
         if len(numerical.parts) < len(parts):
-            text = f"{meaning}, due to its solution alone"
+            text = f"{meaning}, from the numerical error sources alone"
             add_new(data, f"{name}_numerical_{end}", "m^2/s", text, getattr(numerical, end))
         # a source that does not apply to the method has an interval of zero width, at the leakage itself
         ends = [getattr(parts.get(source), end, budget.leakage) for source in sources]
-        text = f"{meaning}, due to each source alone"
+        text = f"{meaning}, from each error source alone"
         add_new(data, f"{name}_part_{end}", "m^2/s", text, np.array(ends), ERROR_SOURCE)
 
 

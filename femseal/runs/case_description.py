@@ -19,7 +19,7 @@ from ..seal.layouts import RectangularLayout
 from ..studies import Scene
 from ..topography import Patches
 
-#: Recommended length of each side of a cell, in multiples of the shortest wavelength.
+#: Smallest recommended length of a side of a cell, as a multiple of the shortest wavelength.
 ADVISED_WAVES = 8
 
 #: Name and text of a line. A line with the name "" continues the last named line before it.

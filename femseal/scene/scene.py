@@ -227,15 +227,15 @@ class Scene:
         carried = to_text(abs(fluid.mean_if_separated), "Pa", 3)
         if fluid.mean_if_separated < 0:
             return f"it pulls the surfaces together with a mean pressure of {carried}"
-        in_addition = (
-            "of the load" if self.nominal == "total" else "in addition to the load on the contact"
+        share = (
+            "as a part of the load"
+            if self.nominal == "total"
+            else "in addition to the load on the contact"
         )
         smallest_load = min((p for p in self.steps.pressures if p > 0), default=np.inf)
-        largest_fraction = (
-            f", which is {fluid.mean_if_separated / smallest_load:.2g} times the smallest load"
-        )
+        fraction = f"{fluid.mean_if_separated / smallest_load:.2g} times the smallest load"
         trapped = "; liquid in closed pockets keeps its volume" if fluid.trapped else ""
-        return f"it pushes the surfaces apart, and carries about {carried} {in_addition}{largest_fraction}{trapped}"
+        return f"it pushes the surfaces apart, and carries about {carried}, {fraction}, {share}{trapped}"
 
     @property
     def separated_steps(self) -> tuple[tuple[int, str], ...]:

@@ -88,7 +88,7 @@ class ContactGrid:
 
     @classmethod
     def _over_mesh(cls, tiles: SealTiles) -> ContactGrid:
-        """Cover a mesh with squares half as wide as an average tile, as long as their number is within its limits."""
+        """Cover a mesh with squares half as wide as an average tile; other sizes limit their number."""
         import pyvista
 
         mesh = tiles.seal.mesh
@@ -168,7 +168,8 @@ class ContactGrid:
 def _grid_shape(rows: int, columns: int, fewest_rows: int) -> Shape:
     """Choose the numbers of rows and columns of the grid over a strip or a ring.
 
-    The grid has a multiple of the rows and of the columns of tiles, unless the seal has very many tiles.
+    The numbers of rows and columns of the grid are multiples of those of the tiles, unless the seal has very many
+    tiles.
 
     rows, columns : numbers of rows and columns of tiles.
     fewest_rows : smallest number of rows of the grid.
@@ -185,12 +186,15 @@ def _points_of_grid(x1: Array, x2: Array, length: float, frame: Frame) -> Array:
     """Return the centres of the cells of a grid over a strip or a ring, (n1, n2, 2) [m].
 
     x1, x2 : row centres (n1,) and column centres (n2,), as fractions of the width and length of the strip.
-    length : length of the strip [m].
+    length : length of the strip [m]; not used for a ring.
     """
-    inlet, outlet = frame.ends or (0.0, 0.0)
+    # only a mesh has no ends, and a grid over a mesh is made in another function
+    assert frame.ends is not None
+    inlet, outlet = frame.ends
     # x1 of the strip or radius of the ring [m], and fraction of the length, (n1, n2) each
     across, along = np.meshgrid(inlet + (outlet - inlet) * x1, x2, indexing="ij")
-    if frame.size is not None:
+    is_strip = frame.size is not None
+    if is_strip:
         return np.stack([across, length * along], axis=-1)
     angle = 2 * pi * along
     return across[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)

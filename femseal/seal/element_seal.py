@@ -110,7 +110,7 @@ class ElementSeal(SealOnMesh):
 
     @cached_property
     def solvers(self) -> tuple[str, ...]:
-        """Solvers that `flow` accepts: all for rectangles with edges parallel to the lay, otherwise those on meshes."""
+        """Solvers that `flow` accepts: all for rectangles with edges parallel to the lay, else those for meshes."""
         lay_is_along_edges = not (self._rounded_axes[..., 0] * self._rounded_axes[..., 1]).any()
         return SOLVERS if self.rectangles is not None and lay_is_along_edges else MESH_SOLVERS
 

@@ -1,4 +1,4 @@
-"""Condition a measured map for contact and flow: remove spikes and form, fill undefined points, and filter it.
+"""Condition a measured map for contact and flow: remove spikes and form, fill undefined points, low-pass filter it.
 
 `repairs` describes the first two steps, and `grid_choice` how the shortest wave and the grid are chosen.
 
@@ -49,9 +49,9 @@ class Conditioning(Labelled):
     unseen_slope: float | None = labelled("rms slope of a decade of waves not measured")
     shortest_measured: float = labelled("shortest wave above noise, cut-off", "m")
     shortest_wave: float = labelled("shortest wave kept", "m")
-    rms_height_before: float = labelled("Sq before the low-pass", "m")
+    rms_height_before: float = labelled("Sq before the low-pass filter", "m")
     rms_height: float = labelled("Sq", "m")
-    rms_slope_before: float = labelled("rms slope before the low-pass")
+    rms_slope_before: float = labelled("rms slope before the low-pass filter")
     rms_slope_measured: float = labelled("rms slope of waves above noise, cut-off")
     rms_slope: float = labelled("rms slope")
     shape_before: Shape = labelled("points measured")

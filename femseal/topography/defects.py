@@ -172,7 +172,7 @@ def _height_step(heights: NDArray) -> float:
 
 
 class TooManyUndefined(InputError):
-    """Report that a map has more undefined points than are allowed to be filled."""
+    """Report that a map has more undefined points than may be filled."""
 
 
 def fill_holes(heights: NDArray, spacing: Pair, periodic: Periodic) -> NDArray:

@@ -36,7 +36,8 @@ _PLACEHOLDER = re.compile(r"-+|\*+|\?+")
 _NO_DATA = re.compile(r"\bno data\b", re.IGNORECASE)
 #: Largest number of lines before the numbers.
 _LONGEST_HEADER = 1000
-#: The table of numbers begins where this many successive lines have the same number of entries.
+#: The table of numbers begins where this many successive lines consist of numbers only, with the same count in each
+#: line. Marks of undefined points count as numbers.
 _ALIKE = 3
 #: Number of bytes that are examined to recognise a text and its encoding.
 _HEAD = 2**16
@@ -92,8 +93,8 @@ def read_text(path: Path, options: Reading) -> Raw:
     Raises
     ------
     InputError
-        The text contains no numbers, words between the numbers, lines of different lengths, a profile, or points that
-        are not on a grid.
+        The text contains no numbers; or it contains words between the numbers, lines of different lengths, a profile,
+        or points that are not on a grid.
     """
     with path.open(encoding=encoding_of(path), errors="replace") as file:
         numbers, header = _read_numbers(file, options.delimiter)
@@ -298,10 +299,10 @@ def _find_layout(lines: list[str], delimiter: str | None) -> _Layout:
 def _find_first_numbers(lines: list[str], delimiter: str | None) -> int:
     """Return the index of the line at which the table of numbers begins.
 
-    The table begins with the first of three successive lines that have the same number of entries. If the line directly
-    above is a faulty row of the table, the table begins with that row, so that the fault is reported. A text
-    without three such lines begins with its first line of numbers. A text without any line of numbers begins with the
-    first line that starts with a digit, so that an error message can quote this line.
+    The table begins with the first of three successive lines that consist of numbers only, with the same count in each
+    line. If the line directly above is a faulty row of the table, the table begins with that row, so that the fault is
+    reported. A text without three such lines begins with its first line of numbers. A text without any line of numbers
+    begins with the first line that starts with a digit, so that an error message can quote this line.
     """
     contents = [_content(line, delimiter) for line in lines]
     # indices of the lines that are neither empty nor comments
