@@ -221,7 +221,8 @@ def inlined_leader(**options: Any) -> Callable[[Any], Any]:
 
     The optimiser of Numba works on a function together with all functions that it calls, once for the function itself
     and once for each of its direct and indirect callers. If a leader calls a leader, inlining the inner one saves one
-    of these times. It takes over the options of its caller, and should only be called in one place.
+    of these times. It takes over the options of its caller. Compiled code should call it in only one place; calls from
+    Python do not matter.
     """
 
     def decorate(function: Any) -> Any:

@@ -34,7 +34,8 @@ def hardness_and_slope(i, law, c):
 def projected(z, H, t):
     """Project a trial pressure z onto the pressures that the contact law allows.
 
-    The projected pressure is 0 for z < 0, z for z between 0 and the hardness H, and H + t (z − H) for larger z.
+    The projected pressure is 0 for z < 0, z for z between 0 and the hardness H, and H + t (z − H) for larger z. The
+    hardness H is positive.
 
     Returns the projected pressure, and the state of the point (see `point_arrays`).
     """

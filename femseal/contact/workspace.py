@@ -272,7 +272,7 @@ class Loops(NamedTuple):
     list_near, list_near_in_single : list the points near contact after `respond` and after `search`. Only `list_near`
         replaces the displacement on the grid by v, which would lose digits in single precision.
 
-    The loops are described in the modules `near_points`, `projection` and `gradient_steps`.
+    All loops but `respond` and `search` are described in the modules `near_points`, `projection` and `gradient_steps`.
     """
 
     respond: Call  # no arguments

@@ -167,27 +167,35 @@ class ContactPoints:
         if start.any():
             p = np.minimum(start * (load / start.mean()), yield_pressure)
         direction, previous_norm = np.zeros(n), 0.0
+        change = math.inf
         for _ in range(_MOST_ITERATIONS):
             separation, slope = layer(p)  # the slope ds/dp is negative
             weight = 1 / (self._point_compliance - slope)  # preconditioner
             # distance of the smooth bodies minus separation of the rough layer; 0 at free points of the solution
             residual = depth + self.displacement(p) - separation
             free = (p > 0) & (p < yield_pressure)
-            if not free.any():
-                if p.mean() < load * (1 - _LOAD_TOLERANCE):
+            # a part of the load is missing if pressures were limited to the yield pressure
+            if p.mean() < load * (1 - _LOAD_TOLERANCE):
+                if free.any():
+                    _scale_to_load(p, free, load, changed=free)
+                else:
                     _press_further_points(p, residual + separation - touch, yield_pressure, load)
-                    previous_norm = 0.0
-                    continue
-                free = p > 0
+                p = np.minimum(p, yield_pressure)
+                previous_norm = 0.0
+                continue
             # The approach of the bodies is unknown. The approach is chosen so that the weighted mean residual vanishes.
-            residual -= weight[free] @ residual[free] / weight[free].sum()
+            if free.any():
+                residual -= weight[free] @ residual[free] / weight[free].sum()
+            else:
+                # all points in contact yield: the bodies approach until the first of them would unload
+                residual -= residual[p > 0].max()
             correction = -weight * residual
             # points where the bodies would overlap come into contact; yielded points whose pressure decreases become
             # free
             overlaps = (p == 0) & (residual + separation < touch)
             unloads = (p == yield_pressure) & (correction < 0)
             freed = overlaps | unloads
-            change = float(np.abs(correction[free | freed]).max()) / load
+            change = float(np.abs(correction[free | freed]).max(initial=0.0)) / load
             if change <= _RTOL:
                 opening = np.where(p > 0, 0.0, np.maximum(residual + separation - touch, 0.0))
                 # where the bodies yield, they are indented until they no longer overlap
@@ -200,15 +208,17 @@ class ContactPoints:
             # Fletcher-Reeves; 0 restarts the iteration
             beta = norm / previous_norm if previous_norm else 0.0
             direction = correction + beta * np.where(free, direction, 0.0)
-            # if the free points are in equilibrium, only the pressures of the freed points change
+            # If the free points are in equilibrium within the tolerance, only the pressures of the freed points change.
+            # A line search would compare rounding errors.
             length = 1.0
-            if norm > 0:
+            if np.abs(correction[free]).max(initial=0.0) > _RTOL * load:
                 length = self._step_length(p, direction, residual, (separation, slope), layer)
             p = np.clip(p + length * direction, 0.0, yield_pressure)
             freed_pressure = p[freed] - length * weight[freed] * residual[freed]
             p[freed] = np.clip(freed_pressure, 0.0, yield_pressure)
             is_free = (p > 0) & (p < yield_pressure)
-            p = np.minimum(_scale_to_load(p, is_free, load), yield_pressure)
+            _scale_to_load(p, is_free, load, changed=free | freed)
+            p = np.minimum(p, yield_pressure)
             # the directions are conjugate only as long as the set of free points does not change
             set_changes = freed.any() or (is_free != free).any()
             previous_norm = 0.0 if set_changes else norm
@@ -253,26 +263,28 @@ class ContactPoints:
 def _press_further_points(p: Array, distance: Array, yield_pressure: float, load: float) -> None:
     """Bring further points into contact, because all points in contact yield and do not carry the load.
 
-    p : pressures of the points (n,) [Pa], to which the missing pressures are added; their mean becomes `load`.
+    p : pressures of the points (n,) [Pa]. The array is changed in place, so that its mean becomes `load`.
     distance : distance of each point (n,) from contact [m], apart from a constant.
     """
     missing_load = load * p.size - p.sum()
     separated = np.flatnonzero(p == 0)
-    count = math.ceil(missing_load / yield_pressure)
+    count = math.ceil(missing_load / yield_pressure * (1 - _LOAD_TOLERANCE))
     closest = separated[np.argsort(distance[separated], kind="stable")[:count]]
     p[closest] = missing_load / count
 
 
-def _scale_to_load(p: Array, is_free: Flags, load: float) -> Array:
+def _scale_to_load(p: Array, is_free: Flags, load: float, changed: Flags) -> None:
     """Scale the pressures of the free points, so that the mean pressure of all points becomes `load`.
 
     Free points are in contact and do not yield. If there are no free points, or if the points that yield carry more
-    than the load, the pressures of all points in contact are scaled.
+    than the load, the pressures of all points that the present step has changed are scaled; all others still yield.
+
+    p : pressures of the points (n,) [Pa]. The array is changed in place.
+    changed : flags (n,) of the points whose pressures the present step has changed.
     """
     remaining_load = load * p.size - p[~is_free].sum()
-    scaled = is_free if is_free.any() and remaining_load > 0 else p > 0
+    scaled = is_free if is_free.any() and remaining_load > 0 else changed & (p > 0)
     p[scaled] *= (load * p.size - p[~scaled].sum()) / p[scaled].sum()
-    return p
 
 
 def _energy_slope(

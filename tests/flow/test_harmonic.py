@@ -34,7 +34,7 @@ def by_matrix(values):
 
 
 @pytest.mark.parametrize("shape", [(1, 8), (8, 1), (2, 3), (33, 40), (128, 16)])
-@pytest.mark.parametrize("fraction", [0.2, 0.6, 0.95])
+@pytest.mark.parametrize("fraction", [0.2, 0.35, 0.6, 0.95])
 def test_against_a_sparse_matrix(shape, fraction):
     values = with_holes(shape, fraction)
     filled = harmonic_fill(values)

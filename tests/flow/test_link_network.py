@@ -237,21 +237,23 @@ def test_a_part_of_the_error_that_few_iterations_do_not_meet_is_seen(wave, conta
 
 def test_a_hopeless_iteration_is_given_up_early():
     c1, c2 = links(70, 70, True, 5, contrast=1e12, closed=0.1)
+    # the smaller the tolerance, the earlier it is clear that it cannot be reached
     with pytest.raises(NotConverged) as caught:
         solve_links(c1, c2, solver="multigrid", rtol=1e-12)
     iterations = int(re.search(r"after (\d+) iterations", str(caught.value))[1])
-    assert iterations < 2 / 3 * MOST_MULTIGRID_ITERATIONS
+    assert iterations < MOST_MULTIGRID_ITERATIONS / 2
 
 
-@pytest.mark.parametrize("threaded_nodes", [1, 2**18])
-def test_multigrid_refuses_a_network_whose_paths_are_all_too_narrow(threaded_nodes, monkeypatch):
+def test_multigrid_refuses_a_network_whose_paths_are_all_too_narrow():
     """A row of very narrow links divides the network; the links around one node are also narrow."""
-    monkeypatch.setattr("femseal.flow.solvers.multigrid.THREADED_NODES", threaded_nodes)
     along, across = np.ones((40, 40)), np.ones((39, 39))
     along[20] = 1e-15
     along[8:10, 8] = across[8, 7:9] = 1e-9
     with pytest.raises(NotConverged, match="every path contains a link below 1e-13"):
         solve_links(along, across, solver="multigrid")
+    flow = solve_links(along, across)
+    assert flow.solver == "elimination"
+    assert_allclose(flow.conductance, 40 * 1e-15, rtol=1e-10)
 
 
 @pytest.mark.parametrize("sides", ["mirror", "periodic"])
