@@ -90,8 +90,9 @@ class _Projection(NamedTuple):
     slopes : derivative of Σ y with respect to cδ.
     n_tangents : number of points whose tangent has a positive slope.
     squared_difference, squared_projection : ‖p − y‖² and ‖y‖².
-    n_changed : number of points whose state would change if p were set to y.
-    squared_change : sum of (p − y)² over these points.
+    n_changed : number of points whose state would change if p were set to y. Perfectly plastic points whose pressure
+        differs from y are counted as well.
+    squared_change : sum of (p − y)² over these points; infinite if a hardening point would stop hardening.
     """
 
     total: float

@@ -14,7 +14,7 @@ from .workspace import Loops
 
 
 class ActiveSets(NamedTuple):
-    """The present active sets: result of the first part of an iteration.
+    """The present active sets: result of the first part of an iteration of `active_sets.solve_active_sets`.
 
     n_near : number of points near contact. A point is near contact if it is in contact or if v is below `reach`.
     n_free : number of free points. The pressure of a free point is unknown.

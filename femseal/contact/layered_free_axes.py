@@ -183,9 +183,9 @@ def _plane_strain_difference(n: int, d: float, body: Coated) -> Array:
     """Compute the change in displacement due to a coating for a pressure that varies only along the free axis.
 
     Each exponential a exp(−bt) of `_exponentials` adds the displacement −(2a/πE₁*) ln √(x² + z²) at the distance x from
-    a line load, with z = b d. The integral of ½ ln(x² + z²) over a pixel is the difference of ½ x ln(x² + z²) − x + z
-    atan(x/z) between the two edges of the pixel. The displacement of plane strain contains an arbitrary constant. This
-    is why x and z in the logarithm may be divided by the length of the strip.
+    a line load, with z = b times the thickness of the layer. The integral of ½ ln(x² + z²) over a pixel is the
+    difference of ½ x ln(x² + z²) − x + z atan(x/z) between the two edges of the pixel. The displacement of plane strain
+    contains an arbitrary constant. This is why x and z in the logarithm may be divided by the length of the strip.
 
     n : number of points of the free axis.
     d : pixel length of the free axis [m].

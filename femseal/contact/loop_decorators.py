@@ -11,7 +11,7 @@ from ..base.compiled import by_items, compiled, leader, summed
 #: Options of loops whose sums keep their order. All functions are inlined. A function that is called may be compiled
 #: differently in another process, which would change the last digits of results.
 EXACT: dict[str, Any] = {"forceinline": True}
-#: Options of loops whose sums may be reordered for vector instructions. The arrays must not contain NaN.
+#: As `EXACT`, but sums may be reordered for vector instructions. The arrays must not contain NaN.
 FAST: dict[str, Any] = {
     "forceinline": True,
     "fastmath": {"reassoc", "nsz", "arcp", "contract", "nnan"},

@@ -79,7 +79,10 @@ class _Deformation:
         self.u = self.u + self.change
 
     def _oscillates(self, next_u: Array) -> Flags:
-        """Return whether the law of a point softens and its deformation would turn back, for each point (n1, n2)."""
+        """Return whether the law of a point softens and its deformation would turn back, for each point (n1, n2).
+
+        The deformation turns back if the change to `next_u` and the previous change have opposite signs.
+        """
         turns_back = (next_u - self.u) * self.change < 0
         if turns_back.any():
             part, turning = _law_of_points(self.law, turns_back)

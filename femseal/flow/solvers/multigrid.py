@@ -163,11 +163,10 @@ class _Settings(NamedTuple):
 def _iterate(network, initial, settings):
     """Perform the iteration of `solve_multigrid`: preconditioned conjugate gradients (Saad 2003, algorithm 9.1).
 
-    The symbols are those of the algorithm: potential x, residual r, search direction p, and z = M⁻¹r, which one
-    multigrid cycle computes. The cycle reads its right-hand side from the array b of the finest level and writes z to
-    the array r of this level. These arrays are in single precision, so that b is r divided by the number `scale`, and z
-    is M⁻¹r divided by `scale`. All arrays have a border of one node on each side, as in `hierarchy`; only x has none on
-    the left and on the right.
+    The symbols are those of the algorithm: potential x, residual r, search direction p, and M⁻¹r, which one multigrid
+    cycle computes. The cycle reads its right-hand side b from an array of the finest level, and writes its result z to
+    another one. These arrays are in single precision: b contains r/`scale`, and z contains M⁻¹r/`scale`. All arrays have
+    a border of one node on each side, as in `hierarchy`; only x has none on the left and on the right.
 
     network : tuple of the conductances `along` and `across` of the stencil and a flag, whether the columns form a ring.
     initial : tuple of the arrays row_drop and row_potential: drop of the initial potential from each row of nodes to
@@ -199,7 +198,7 @@ def _iterate(network, initial, settings):
     first_rz = previous_rz = np.inf
     iteration = 0
     while True:
-        # z = M⁻¹r, and the estimate rᵀz of the squared error in the energy norm
+        # the cycle computes z = M⁻¹r/scale; rᵀM⁻¹r estimates the squared error in the energy norm
         cycle(levels, coarsest, ring)
         sum_products(z, r, settings.field, settings.ignored, sums)
         rz = scale * sums[0].sum()
