@@ -165,8 +165,8 @@ def _iterate(network, initial, settings):
 
     The symbols are those of the algorithm: potential x, residual r, search direction p, and M⁻¹r, which one multigrid
     cycle computes. The cycle reads its right-hand side b from an array of the finest level, and writes its result z to
-    another one. These arrays are in single precision: b contains r/`scale`, and z contains M⁻¹r/`scale`. All arrays have
-    a border of one node on each side, as in `hierarchy`; only x has none on the left and on the right.
+    another one. These arrays are in single precision: b contains r/`scale`, and z contains M⁻¹r/`scale`. All arrays
+    have a border of one node on each side, as in `hierarchy`; only x has none on the left and on the right.
 
     network : tuple of the conductances `along` and `across` of the stencil and a flag, whether the columns form a ring.
     initial : tuple of the arrays row_drop and row_potential: drop of the initial potential from each row of nodes to
