@@ -122,7 +122,10 @@ def test_large_states_take_disk_and_no_memory(data):
     ("tables", "said"),
     [
         ({"face": {"points": [512, 768]}}, r"expected .* on one core, .*on the \d+ of this mach"),
-        ({"load": {"loading": ["0 MPa"]}, "material": {}}, "times the smallest load, as a part of the load"),
+        (
+            {"load": {"loading": ["0 MPa"]}, "material": {}},
+            "times the smallest load, as a part of the load",
+        ),
         (
             {"method": "stochastic", "stochastic": {"length": "1 mm"}},
             "states of the face, at its loads; cells stay in their rows",
