@@ -22,7 +22,7 @@ from .rough_layer import RoughLayer
 
 #: Relative change of the pressures at which the iteration has converged, and largest number of iterations.
 _RTOL, _MOST_ITERATIONS = 1e-5, 5000
-#: Accepted relative error of the load if all points in contact yield.
+#: Largest relative part of the load that may be missing after pressures were limited to the yield pressure.
 _LOAD_TOLERANCE = 1e-9
 #: If a step of the iteration is too long, the slope of the energy along the step changes its sign. A step is accepted
 #: if the slope at its end is at most this fraction of the slope at its start. Otherwise, a shorter step is computed
